@@ -57,10 +57,15 @@ class InputError(AlfError):
                 text += f'; known: {some}{" ..." if len(names) > 12 else ""}'
         super().__init__(printable(' '.join(text.split())))
 
-    def about(self, key: str | None) -> InputError:
+    def about(self, key: str | None, file: str | None = None) -> InputError:
         """The same about a key of other input, which has no file with lines."""
         return InputError(
-            self.message, key=key, value=self.value, expected=self.expected, choices=self.choices
+            self.message,
+            file=file,
+            key=key,
+            value=self.value,
+            expected=self.expected,
+            choices=self.choices,
         )
 
 

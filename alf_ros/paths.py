@@ -36,7 +36,7 @@ def head(path: Path, most: int) -> bytes:
         with open(path, 'rb', opener=_opened) as stream:
             return stream.read(most)
     except IsADirectoryError:
-        raise InputError('no such file', file=str(path), expected='a file') from None
+        raise InputError('a folder', file=str(path), expected='a file') from None
     except (FileNotFoundError, NotADirectoryError):
         raise InputError('no such file', file=str(path)) from None
     except (OSError, ValueError) as error:
@@ -57,7 +57,8 @@ def written(folder: str | Path, texts: Mapping[str, str]) -> Path:
 def _opened(path: str, flags: int) -> int:
     """Open a regular file, and nothing else: a pipe must not be waited for."""
     file = os.open(path, flags | os.O_NONBLOCK)
-    if not stat.S_ISREG(os.fstat(file).st_mode):
+    mode = os.fstat(file).st_mode
+    if not stat.S_ISREG(mode):
         os.close(file)
-        raise FileNotFoundError(path)
+        raise IsADirectoryError(path) if stat.S_ISDIR(mode) else FileNotFoundError(path)
     return file

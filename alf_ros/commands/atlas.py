@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
-from alf_ros.errors import InputError
 from alf_ros.scene.library import load
 from alf_ros.studies.atlas.mapped_piece import DEAD_POINT, TRAVEL_LIMIT
 from alf_ros.studies.atlas.position_map import Atlas, atlas
@@ -71,16 +70,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--csv', metavar='FILE', help='write all positions to this file, as a table'
     )
     options = parser.parse_args(argv)
-    found = atlas(
-        load(options.scene, numbers(options.set)),
-        options.over,
-        levels=options.levels,
-        hold=_held(options.hold),
-        output=options.output,
-        bar=options.bar,
-        starts=options.starts,
-        seed=options.seed,
-    )
+    with parser.naming():
+        found = atlas(
+            load(options.scene, numbers(options.set)),
+            options.over,
+            levels=options.levels,
+            hold=numbers(options.hold, '--hold'),
+            output=options.output,
+            bar=options.bar,
+            starts=options.starts,
+            seed=options.seed,
+        )
     print('\n'.join(report(found)))
     for key, file, write in (
         ('--html', options.html, found.write_html),
@@ -120,16 +120,3 @@ def _details(found: Atlas) -> list[str]:
         lines.append(f'  {circuit:<22}{travel}')
     texts = dict.fromkeys(node.report.text for node in found.nodes)
     return lines + ([''] + [f'  {text}' for text in texts][:_MOST] if texts else [])
-
-
-def _held(words: Sequence[str]) -> dict[str, float]:
-    found = {}
-    for word in words:
-        name, equals, value = word.partition('=')
-        try:
-            found[name] = float(value)
-        except ValueError:
-            equals = ''
-        if not equals:
-            raise InputError('not a value', key='--hold', value=word, expected='NAME=NUMBER')
-    return found

@@ -60,12 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         '-o', '--output', default='logs', metavar='DIR', help='folder of that log (default: logs)'
     )
     options = parser.parse_args(argv)
-    try:
+    with parser.naming():
         study = load_study(options.study, members=options.members)
-    except InputError as error:
-        if error.key == 'members' and options.members is not None:
-            raise error.about('--members') from None
-        raise
     if options.log is not None:
         return _log(study, options.log, options.output)
     if options.scheduler is not None:  # distributed logs tracebacks: here one line says it
@@ -73,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     name = paths.named(options.study).stem
     folder = paths.named(options.store or f'{name}.zarr', '--store')
     report_file.beside(folder)
-    with _Lines(folder) as lines:
+    with parser.naming(), _Lines(folder) as lines:
         conduct(study, folder, crew(options.workers, options.scheduler), lines)
     assert lines.last is not None
     lines.tell()

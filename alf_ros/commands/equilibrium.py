@@ -47,12 +47,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     _add_path(parser)
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
-    if options.over is not None:
-        return _follow(scene, options)
-    if options.starts:
-        found = equilibria(scene, starts=options.starts, seed=options.seed, t=options.at)
-    else:
-        found = (equilibrium(scene, t=options.at, nearest=options.nearest),)
+    with parser.naming(t='--at', start='--from', end='--to'):
+        if options.over is not None:
+            return _follow(scene, options)
+        if options.starts:
+            found = equilibria(scene, starts=options.starts, seed=options.seed, t=options.at)
+        else:
+            found = (equilibrium(scene, t=options.at, nearest=options.nearest),)
     print('\n\n'.join(report(each) for each in found))
     if options.json:
         with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:

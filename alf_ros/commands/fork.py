@@ -24,7 +24,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--set',
         metavar='NAME=VALUE',
         nargs='+',
-        action='extend',
         default=[],
         help='changes: coupler.mass=1.1, gravity.acceleration=[0,-1.62], solver.step=5e-4',
     )
@@ -39,16 +38,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_trust(parser)
     options = parser.parse_args(argv)
+    changes = overrides.read(options.set)
     log = load(options.log)
     own = log.path.parent if log.path.is_dir() else log.path.parent.parent
     new = paths.named(options.output, '--output') if options.output else None
     troubles: list[str] = []
     try:
-        with ProgressBar('fork') as bar:
+        with parser.naming(), ProgressBar('fork') as bar:
             made = fork(
                 log,
                 options.at,
-                overrides.read(options.set),
+                changes,
                 new.parent if new else own,
                 new.name if new else '',
                 options.duration,

@@ -39,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     log = load(options.log)
     try:
-        found = gradient(log, options.of, options.by, every=options.every, trust=options.trust)
+        with parser.naming(tangents='--by'):
+            found = gradient(log, options.of, options.by, every=options.every, trust=options.trust)
     except StepError as error:
         print(f'a step fails: {error}')
         return 1

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from alf_ros import paths
-from alf_ros.commands.parser import Parser, writing
+from alf_ros.commands.parser import Parser, pairs, writing
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import load_scene
@@ -39,7 +39,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--fit',
         metavar='NAME',
         nargs='+',
-        action='extend',
         required=True,
         help='numbers to fit: coupler.mass spring.stiffness',
     )
@@ -89,7 +88,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--design',
         metavar='CANDIDATE',
         nargs='+',
-        action='extend',
         default=[],
         help='compare further motions: which would tell most? A scene, a recording whose inputs '
         'act, NAME=VALUE in the fitted scene, or SCENE,NAME=VALUE',
@@ -108,23 +106,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='folder of the new scene, report and log (default: identified)',
     )
     options = parser.parse_args(argv)
-    topics = Topics(options.joints, options.commands, dict(_split(options.map, '--map')))
+    topics = Topics(options.joints, options.commands, pairs(options.map, '--map'))
     scene = load_scene(options.scene)
     if options.design:  # faults of candidates are told before the fit
         checked_duration(options.design_duration)
         candidates(options.design, scene, options.fit, topics)
     folder = paths.named(options.output, '--output')
     check_folder(folder, scene, bool(options.design), '--output')
-    with ProgressBar('identify') as bar:
+    with parser.naming(), ProgressBar('identify') as bar:
         found = identify(
             scene,
             options.recordings,
             options.fit,
             window=options.window,
             hold_out=options.hold_out,
-            bounds=dict(_two(options.bounds, '--bounds')),
-            priors=dict(_two(options.prior, '--prior')),
-            noise={n: _number(x, '--noise') for n, x in _split(options.noise, '--noise')},
+            bounds=_two(options.bounds, '--bounds'),
+            priors=_two(options.prior, '--prior'),
+            noise={n: _number(x, '--noise') for n, x in pairs(options.noise, '--noise').items()},
             loss=options.loss,
             delay=options.delay,
             topics=topics,
@@ -156,26 +154,16 @@ def _log(found: object, folder: object) -> str:
 
 
 def _pairs(parser: Parser, option: str, metavar: str, what: str) -> None:
-    parser.add_argument(option, metavar=metavar, nargs='+', action='extend', default=[], help=what)
+    parser.add_argument(option, metavar=metavar, nargs='+', default=[], help=what)
 
 
-def _split(texts: Iterable[str], option: str) -> list[tuple[str, str]]:
-    found = []
-    for text in texts:
-        name, given, value = text.partition('=')
-        if not given or not name:
-            raise InputError('not a pair', key=option, value=text, expected='NAME=…')
-        found.append((name, value))
-    return found
-
-
-def _two(texts: Iterable[str], option: str) -> list[tuple[str, tuple[float, float]]]:
-    found = []
-    for name, value in _split(texts, option):
+def _two(texts: Iterable[str], option: str) -> dict[str, tuple[float, float]]:
+    found = {}
+    for name, value in pairs(texts, option).items():
         first, given, second = value.partition(':')
         if not given:
             raise InputError('not two numbers', key=option, value=value, expected='A:B')
-        found.append((name, (_number(first, option), _number(second, option))))
+        found[name] = _number(first, option), _number(second, option)
     return found
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any
 
 from alf_ros import paths
-from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.commands.parser import Parser, add_numbers, numbers, pairs, writing
 from alf_ros.errors import InputError
 from alf_ros.exchange import corpus
 from alf_ros.exchange.import_file import imported
@@ -161,16 +162,10 @@ def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
     return 0 if all(each.result == corpus.OK for each in found) else 1
 
 
+_XACRO = re.compile('^([^=:]+):=')
 _OPTIONS = {'positions': 'set', 'arguments': 'argument'}
 
 
 def _arguments(given: Sequence[str]) -> dict[str, str]:
     """NAME=VALUE, and NAME:=VALUE as xacro has it."""
-    found = {}
-    for each in given:
-        name, equals, value = each.partition('=')
-        if not equals or not name.rstrip(':'):
-            expected = 'NAME=VALUE'
-            raise InputError('not an argument', key='--argument', value=each, expected=expected)
-        found[name.rstrip(':')] = value
-    return found
+    return pairs((_XACRO.sub(r'\1=', each) for each in given), '--argument')

@@ -69,9 +69,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.period is not None:
         if options.inputs or options.outputs or options.output:
             raise InputError('has neither inputs, outputs nor files', key='--period')
-        print(_multipliers(floquet(about, period=options.period)))
+        with parser.naming():
+            print(_multipliers(floquet(about, period=options.period)))
         return 0
-    model = linearise(about, inputs=options.inputs, outputs=options.outputs)
+    with parser.naming():
+        model = linearise(about, inputs=options.inputs, outputs=options.outputs)
     print(_table(model))
     for name in options.output:
         with writing('--output', name):

@@ -5,11 +5,13 @@ See doc/loads.md.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterable, Sequence
 
-from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.commands.parser import Parser, add_numbers, numbers, pairs, writing
 from alf_ros.errors import InputError
 from alf_ros.scene.library import load
+from alf_ros.scene.scene import Scene
 from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.simulation.input_checks import number, whole
 from alf_ros.studies.loads.fastest_run import fastest
@@ -72,6 +74,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
+    with parser.naming():
+        history = _history(scene, options)
+    for note in history.notes:
+        print(f'note: {note}')
+    print(_table(history))
+    if options.csv:
+        with writing('--csv', options.csv):
+            print(f'written: {history.csv(options.csv)}')
+    return 0 if history.is_possible else 1
+
+
+def _history(scene: Scene, options: argparse.Namespace) -> LoadHistory:
+    """The loads of the motion as it is, or of its fastest run, which is printed."""
     duration = number(options.duration, '--duration', 0.0)
     if options.limits:
         if options.actuators:
@@ -86,36 +101,28 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f'the fastest run takes {run.duration:.9g} s')
         for name, part in run.limited_by.items():
             print(f'  {name} is at a limit for {part:.1%} of the time')
-        history = run.loads
-    else:
-        rate = number(options.rate, '--rate', 0.0)
-        if duration * rate > _MOST:
-            raise InputError(f'more than {_MOST} instants', key='--duration', value=duration)
-        count = whole(round(duration * rate), '--duration', 1)
-        history = loads(
-            scene,
-            options.actuators,
-            times=[k * duration / count for k in range(count + 1)],
-            weights=numbers(options.weights, '--weights'),
-            without=options.without,
-        )
-    for note in history.notes:
-        print(f'note: {note}')
-    print(_table(history))
-    if options.csv:
-        with writing('--csv', options.csv):
-            print(f'written: {history.csv(options.csv)}')
-    return 0 if history.is_possible else 1
+        return run.loads
+    rate = number(options.rate, '--rate', 0.0)
+    if duration * rate > _MOST:
+        raise InputError(f'more than {_MOST} instants', key='--duration', value=duration)
+    count = whole(round(duration * rate), '--duration', 1)
+    return loads(
+        scene,
+        options.actuators,
+        times=[k * duration / count for k in range(count + 1)],
+        weights=numbers(options.weights, '--weights'),
+        without=options.without,
+    )
 
 
 def _limits(given: Iterable[str]) -> dict[str, list[float]]:
     found: dict[str, list[float]] = {}
-    for text in given:
-        name, _, value = text.partition('=')
+    expected = 'NAME=MOST or NAME=LEAST:MOST'
+    for name, value in pairs(given, '--limits', expected).items():
         try:
             ends = [evaluate(part, {}) for part in value.split(':')]
         except ExpressionError as error:
-            expected = 'NAME=MOST or NAME=LEAST:MOST'
+            text = f'{name}={value}'
             raise InputError(str(error), key='--limits', value=text, expected=expected) from None
         found[name] = [-ends[0], ends[0]] if len(ends) == 1 else ends
     return found

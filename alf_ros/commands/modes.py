@@ -38,8 +38,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
-    rest = equilibrium(scene, t=options.at)
-    found = modes(rest, count=options.count)
+    with parser.naming(t='--at'):
+        rest = equilibrium(scene, t=options.at)
+        found = modes(rest, count=options.count)
     print('\n'.join([f'at rest, {rest.stability}', *(f'note: {note}' for note in rest.notes)]))
     print(_table(found))
     if options.json:

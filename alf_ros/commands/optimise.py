@@ -42,10 +42,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='folder of the new scene and the report (default: optimised)',
     )
     options = parser.parse_args(argv)
-    study = read_study(options.study, starts=options.starts, workers=options.workers)
+    with parser.naming():
+        study = read_study(options.study, starts=options.starts, workers=options.workers)
     folder = paths.named(options.output, '--output')
     check_folder(folder, study.scene, '--output')
-    with ProgressBar('optimise') as bar:
+    with parser.naming(), ProgressBar('optimise') as bar:
         found = study.optimum(bar.note)
     print(found)
     with writing('--output', folder):

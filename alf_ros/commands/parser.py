@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,15 +15,73 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises InputError, one line, for what it cannot read. Numbers are finite."""
+    """Raises InputError, one line, for what it cannot read. Numbers are finite.
+
+    A repeated option adds up if several values may follow it. An option of one value is given
+    once: argparse would keep the last one without a word.
+    """
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         super().__init__(*args, **settings)
         self.register('type', float, _finite)
+        for name in (None, 'store'):
+            self.register('action', name, _Store)
+        self.given: set[str] = set()
+
+    def parse_known_args(self, *args: Any, **settings: Any) -> Any:
+        """As of argparse, from no option on."""
+        self.given = set()
+        return super().parse_known_args(*args, **settings)
+
+    def naming(self, **others: str) -> AbstractContextManager[None]:
+        """`naming` with all options; `others`: of arguments that have another name than theirs."""
+        own = {
+            name: max(action.option_strings, key=len)
+            for action in self._actions
+            for name in (action.dest, *(each.lstrip('-') for each in action.option_strings))
+            if action.option_strings
+        }
+        return naming(own | others)
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with the message of argparse. Never returns."""
         raise InputError(f'{message} (see --help)')
+
+
+@contextmanager
+def naming(options: Mapping[str, str]) -> Iterator[None]:
+    """Errors of the block about an argument of the library name the option that gives it, unless
+    they are about a line of a file.
+
+    options: as typed, by the argument.
+    """
+    try:
+        yield
+    except InputError as error:
+        name, _, rest = (error.key or '').partition('.')
+        if error.line is not None or name not in options:
+            raise
+        option = options[name] if rest.isdigit() else f'{options[name]} {rest}'.rstrip()
+        raise error.about(option, error.file) from None
+
+
+class _Store(argparse.Action):
+    """Stores the value of an option, or the values of several times the same one."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        assert isinstance(parser, Parser)
+        if option_string is not None and self.dest in parser.given:
+            if self.nargs not in ('+', '*'):
+                raise InputError('given twice', key=option_string, expected='it once')
+            values = [*getattr(namespace, self.dest), *values]
+        parser.given.add(self.dest)
+        setattr(namespace, self.dest, values)
 
 
 def _finite(text: str) -> float:
@@ -65,18 +123,36 @@ def add_numbers(
     parser.add_argument('--set', metavar=metavar, nargs='+', default=[], help=what)
 
 
+def pairs(texts: Iterable[str], option: str, expected: str = 'NAME=VALUE') -> dict[str, str]:
+    """The values of an option by name. Raises InputError for a text that is no pair, and for a
+    name that is given twice."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, given, value = text.partition('=')
+        if not given or not name:
+            raise InputError('not a pair', key=option, value=text, expected=expected)
+        if name in found:
+            raise InputError('given twice', key=option, value=name, expected='it once')
+        found[name] = value
+    return found
+
+
 def numbers(assignments: Iterable[str], option: str = '--set') -> dict[str, float]:
     """The numbers of an option by name; each is an expression of constants. Raises InputError."""
-    return dict(_number(text, option) for text in assignments)
+    texts = pairs(assignments, option, 'NAME=NUMBER')
+    return {name: _number(name, text, option) for name, text in texts.items()}
 
 
-def _number(text: str, option: str) -> tuple[str, float]:
-    name, given, value = text.partition('=')
+def _number(name: str, text: str, option: str) -> float:
     try:
-        return name, evaluate(value if given else '', {})
+        return evaluate(text, {})
     except ExpressionError as error:
-        message = f'not a number by name: {error}'
-        raise InputError(message, key=option, value=text, expected='NAME=NUMBER') from None
+        raise InputError(
+            f'not a number by name: {error}',
+            key=option,
+            value=f'{name}={text}',
+            expected='NAME=NUMBER',
+        ) from None
 
 
 @contextmanager

@@ -7,10 +7,9 @@ import sys
 from collections.abc import Sequence
 
 import rclpy
-from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
+from alf_ros.commands.node_options import NodeOptions, without_ros
 from alf_ros.commands.parser import add_trust, of_log
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
@@ -20,6 +19,8 @@ from alf_ros.ros.executor import spin
 from alf_ros.ros.replay.replay_node import Replay
 from alf_ros.ros.replay.sources import Recorded, Redriven, Source
 from alf_ros.ros.terminal import StatusLine
+
+_PARAMETERS = {'--rate': 'rate', '--start': 'seek', '--loop': 'loop', '--paused': 'start_paused'}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -41,19 +42,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='use only the inputs of the log, and simulate again',
     )
     add_trust(parser)
-    arguments = None if argv is None else list(argv)
-    options = parser.parse_args(remove_ros_args(arguments) if arguments is not None else None)
-    given = {'rate': options.rate, 'seek': options.start}
-    switches = {'loop': options.loop, 'start_paused': options.paused}
-    given.update({key: True for key, value in switches.items() if value})
-    overrides = [Parameter(k, value=v) for k, v in given.items() if v is not None]
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    options = parser.parse_args(without_ros(arguments))
+    given = {
+        '--rate': options.rate,
+        '--start': options.start,
+        '--loop': options.loop or None,
+        '--paused': options.paused or None,
+    }
+    of_node = NodeOptions(arguments, given, _PARAMETERS)
     log, status = load(options.log), StatusLine()
     with ProgressBar('reading') as bar:
         source: Source = Redriven(log, options.trust) if options.redrive else Recorded(log, bar)
     try:
         unborn_ports.remove()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        node = Replay(log, source, overrides, status)
+        with of_node.naming():
+            node = Replay(log, source, of_node.parameters, status)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, node.stop)
         status.say(f'replay of {log.path}: {len(source.topics)} topics, to t = {log.end:.9g} s')

@@ -5,15 +5,12 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 import rclpy
-from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
+from alf_ros.commands.node_options import EPILOG, NodeOptions, without_ros
 from alf_ros.commands.parser import Parser
-from alf_ros.errors import InputError
 from alf_ros.ros import unborn_ports
 from alf_ros.ros.executor import spin
 from alf_ros.ros.simulator.node import Simulator, Stop
@@ -24,27 +21,33 @@ from alf_ros.ros.terminal import StatusLine
 SWITCH_INTERVAL = 2e-4
 
 
-def _overrides(argv: Sequence[str]) -> list[Parameter[Any]]:
-    """Options of the command line as node parameters."""
+_PARAMETERS = {
+    '--scene': 'scene',
+    '--duration': 'duration',
+    '--log-folder': 'record.folder',
+    '--no-record': 'record.enabled',
+}
+
+
+def _options(arguments: Sequence[str]) -> NodeOptions:
     parser = Parser(
         prog='simulator',
         description='Run a scene as the ROS 2 node `simulator`. Ctrl-C stops the node and closes '
         'the log.',
-        epilog='Each option sets a parameter of the node. Set other parameters with --ros-args -p '
-        'name:=value.',
+        epilog=EPILOG,
     )
     parser.add_argument('--scene', metavar='NAME', help='name under config/scenes, or a path')
     parser.add_argument('--duration', type=float, metavar='S', help='simulated time, s')
     parser.add_argument('--log-folder', metavar='DIR', help='folder for logs (default: logs)')
     parser.add_argument('--no-record', action='store_true', help='write no log')
-    options = parser.parse_args(argv)
+    options = parser.parse_args(without_ros(arguments))
     given = {
-        'scene': options.scene,
-        'duration': options.duration,
-        'record.folder': options.log_folder,
-        'record.enabled': False if options.no_record else None,
+        '--scene': options.scene,
+        '--duration': options.duration,
+        '--log-folder': options.log_folder,
+        '--no-record': False if options.no_record else None,
     }
-    return [Parameter(key, value=value) for key, value in given.items() if value is not None]
+    return NodeOptions(arguments, given, _PARAMETERS)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -54,11 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     line tells in one line.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    try:
-        own = remove_ros_args(arguments)
-    except Exception as error:  # rclpy's exceptions for this have no common root
-        raise InputError(f'{type(error).__name__}: {error}', key='--ros-args') from None
-    overrides = _overrides(own)
+    options = _options(arguments)
     sys.setswitchinterval(SWITCH_INTERVAL)
     stop = Stop()
     # Of `nohup` SIGHUP is ignored, and stays so.
@@ -70,7 +69,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # rclpy's own handlers would shut the context down under the feet of a tick.
         unborn_ports.remove()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        node = Simulator(StatusLine(), stop, overrides)
+        with options.naming():
+            node = Simulator(StatusLine(), stop, options.parameters)
         stop.gentle = True
         node.begin()
         try:

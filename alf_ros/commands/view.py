@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
+from alf_ros.commands.node_options import without_ros
 from alf_ros.commands.parser import Parser
 from alf_ros.ros import unborn_ports
 from alf_ros.ros.view.serve import serve
@@ -52,7 +52,7 @@ def _port(text: str) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve until Ctrl-C or SIGTERM. Returns 0. Raises InputError: told in one line."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    options = _options(remove_ros_args(arguments))
+    options = _options(without_ros(arguments))
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -22,6 +22,7 @@ from alf_ros.mechanism.affine import constant
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+ONE_OF = ('force', 'torque')
 HOLDS = (contract.WRENCH,)
 force = affine_force.force
 
@@ -41,6 +42,7 @@ class Parameters:
         metadata={
             'kind': 'point',
             'doc': 'point of the body where the force acts; its centre of mass if absent',
+            'needs': ('force',),
         },
     )
     frame: str = field(

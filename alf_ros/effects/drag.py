@@ -26,6 +26,7 @@ from alf_ros.effects.contract.scalars import (
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+ONE_OF = ('linear', 'quadratic', 'spin')
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Parameters:
             'kind': 'place',
             'unit': 'm',
             'doc': 'a point of the body, or a place in its frame; its centre of mass if absent',
+            'needs': ('linear', 'quadratic'),
         },
     )
     linear: float = field(
@@ -50,7 +52,12 @@ class Parameters:
     )
     wind: tuple[float, ...] = field(
         default=(),
-        metadata={'kind': 'vector', 'unit': 'm/s', 'doc': 'velocity of the fluid; none if absent'},
+        metadata={
+            'kind': 'vector',
+            'unit': 'm/s',
+            'doc': 'velocity of the fluid; none if absent',
+            'needs': ('linear', 'quadratic'),
+        },
     )
 
     def __post_init__(self) -> None:

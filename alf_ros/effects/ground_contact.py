@@ -74,7 +74,12 @@ class Parameters:
     )
     slip: float = field(
         default=1e-2,
-        metadata={'kind': 'number', 'unit': 'm/s', 'doc': 'speed ε below which friction fades'},
+        metadata={
+            'kind': 'number',
+            'unit': 'm/s',
+            'doc': 'speed ε below which friction fades',
+            'needs': ('friction',),
+        },
     )
 
     def __post_init__(self) -> None:

@@ -19,6 +19,7 @@ from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar,
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+ONE_OF = ('viscous', 'dynamic', 'static')
 
 
 @dataclass(frozen=True)
@@ -41,14 +42,26 @@ class Parameters:
             'kind': 'number',
             'unit': 'N',
             'doc': 'normal load N; the force in the joint if absent',
+            'needs': ('dynamic', 'static'),
         },
     )
     radius: float = field(
-        default=1.0, metadata={'kind': 'number', 'unit': 'm', 'doc': 'radius r of an angle'}
+        default=1.0,
+        metadata={
+            'kind': 'number',
+            'unit': 'm',
+            'doc': 'radius r of an angle',
+            'needs': ('dynamic', 'static'),
+        },
     )
     stribeck: float = field(
         default=0.1,
-        metadata={'kind': 'number', 'unit': 'rad/s or m/s', 'doc': 'speed of the fall to μ_d'},
+        metadata={
+            'kind': 'number',
+            'unit': 'rad/s or m/s',
+            'doc': 'speed of the fall to μ_d',
+            'needs': ('static',),
+        },
     )
     slip: float = field(
         default=1e-2,
@@ -56,6 +69,7 @@ class Parameters:
             'kind': 'number',
             'unit': 'rad/s or m/s',
             'doc': 'speed ε below which dry friction fades',
+            'needs': ('dynamic', 'static'),
         },
     )
 

@@ -68,7 +68,8 @@ class Parameters:
         metadata=_of('path', 'm', 'places: points, or bodies or ground, each with a place'),
     )
     weights: tuple[float, ...] = field(
-        default=(), metadata=_of('numbers', '1', 'w from each place to the next; 1')
+        default=(),
+        metadata=_of('numbers', '1', 'w from each place to the next; 1') | {'needs': ('path',)},
     )
     stiffness: float | None = field(
         default=None, metadata=_number('N/m', 'stiffness of T; of joints per unit of L')
@@ -85,12 +86,15 @@ class Parameters:
     damping: float = field(default=0.0, metadata=_number('N s/m', 'damping b'))
     friction: float = field(default=0.0, metadata=_number('N', 'dry friction f'))
     slip: float = field(
-        default=1e-2, metadata=_number('m/s', 'speed ε below which dry friction fades')
+        default=1e-2,
+        metadata=_number('m/s', 'speed ε below which dry friction fades')
+        | {'needs': ('friction',)},
     )
     lower: float | None = field(default=None, metadata=_number('m', 'lower stop of L'))
     upper: float | None = field(default=None, metadata=_number('m', 'upper stop of L'))
     stop_stiffness: float | None = field(
-        default=None, metadata=_number('N/m^1.5', 'stiffness k of the stops')
+        default=None,
+        metadata=_number('N/m^1.5', 'stiffness k of the stops') | {'needs': ('lower', 'upper')},
     )
     effort: float | Points = field(
         default=0.0, metadata=_of('signal', 'N', 'effort e; or a table t, e')
@@ -107,7 +111,8 @@ class Parameters:
     position_gain: float = field(default=0.0, metadata=_number('N/m', 'k_p'))
     velocity_gain: float = field(default=0.0, metadata=_number('N s/m', 'k_v'))
     limit: float | None = field(
-        default=None, metadata=_number('N', 'largest effort of the drive; no limit if absent')
+        default=None,
+        metadata=_number('N', 'largest effort of the drive; no limit if absent'),
     )
 
     def __post_init__(self) -> None:

@@ -48,6 +48,7 @@ class Parameters:
             'kind': 'place',
             'unit': 'm',
             'doc': 'a point of the body, or a place in its frame; its centre of mass if absent',
+            'needs': ('on',),
         },
     )
     frame: str = field(
@@ -56,6 +57,7 @@ class Parameters:
             'kind': 'text',
             'choices': ('world', 'body'),
             'doc': "frame of force and torque: 'world' or 'body'",
+            'needs': ('on',),
         },
     )
     joint: str | None = field(

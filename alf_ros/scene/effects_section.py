@@ -17,6 +17,8 @@ from alf_ros.scene.references import References
 from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.scene.text.yaml_writer import entry as as_entry
 
+_NOTHING = Entry('')
+
 
 def read_effects(
     section: Entry, cut: Layout, numbers: Mapping[str, float], references: References
@@ -29,13 +31,17 @@ def read_effects(
     whole: dict[str, Entry] = {}
     for key, entry in section.mapping().items():
         kind, module = _module(key, entry, references)
-        for name, instance in instances(effects.short_name(kind), entry, module.MULTIPLE):
+        one_of = getattr(module, 'ONE_OF', ())
+        short = effects.short_name(kind)
+        for name, instance in instances(short, entry, module.Parameters, module.MULTIPLE):
             values = reader.parameters(instance, module.Parameters)
             try:
                 effect = Effect(kind, name, module.Parameters(**values))
                 module.pack([effect], cut)
             except ValueError as error:
                 raise instance.error(str(error)) from None
+            if one_of and all(instance.mapping().get(key, _NOTHING).is_null for key in one_of):
+                raise instance.error('has no effect', expected=f'one of {", ".join(one_of)}')
             found.append(effect)
         whole[kind] = reader.tables.without_files(entry)
     return tuple(found), as_entry(whole)

@@ -25,18 +25,21 @@ from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
 _NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints it
+_INDEX = re.compile('0|[1-9][0-9]*')  # one spelling: a place has one name
 _TIME = re.compile(r'\bt\b')
 _RIVALS = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
 _PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
 
 
-def read(assignments: Sequence[str]) -> dict[str, str]:
-    """`NAME=VALUE` texts as a mapping. Raises InputError."""
-    found = {}
+def read(assignments: Sequence[str], option: str = '--set') -> dict[str, str]:
+    """`NAME=VALUE` texts of an option as a mapping. Raises InputError."""
+    found: dict[str, str] = {}
     for text in assignments:
         name, given, value = text.partition('=')
         if not given or not name or not value.strip():
-            raise InputError('not a change', key='--set', value=text, expected='NAME=VALUE')
+            raise InputError('not a change', key=option, value=text, expected='NAME=VALUE')
+        if name.strip() in found:
+            raise InputError('given twice', key=option, value=name.strip(), expected='it once')
         found[name.strip()] = value.strip()
     return found
 
@@ -88,12 +91,14 @@ def _with_values(scene: Scene, values: Mapping[str, Entry], said: str) -> Entry:
     """The document of a scene with other values by name."""
     base = reading_of(scene.document)
     root, alike = base.root, True  # whether all names mean what they do in the scene
+    given = _GivenPlaces(said)
     for name, value in values.items():
         place = base.places.get(name) if alike else None
         if place is None:
             place = _place(root, name, said)
             if alike:
                 base.places[name] = place
+        given.add(name, place)
         alike = alike and not isinstance(value.value, dict)
         root = _replaced(_without_rivals(root, place), place, value, name)
     return root
@@ -186,6 +191,32 @@ def _drives(
     return found
 
 
+class _GivenPlaces:
+    """The places of values that are given together: none within another one, and no rivals, since
+    the order of names would decide which one counts."""
+
+    def __init__(self, said: str) -> None:
+        self._said = said
+        self._names: dict[tuple[str, ...], str] = {}  # that are given at a place or below it
+        self._whole: set[tuple[str, ...]] = set()
+
+    def add(self, name: str, place: tuple[str, ...]) -> None:
+        """Raises InputError for a name whose value is given already."""
+        other = self._names.get(place)
+        above = [place[:n] for n in range(1, len(place) + 1)]
+        for each in above:
+            if each in self._whole:
+                other = self._names[each]
+        if other is not None:
+            raise InputError(f'given twice, also by {other}', key=self._said, value=name)
+        for rival in _RIVALS.get(place[-1], ()) if place[0] == 'solver' else ():
+            if ('solver', rival) in self._names:
+                rest = f'has no meaning beside {self._names["solver", rival]}'
+                raise InputError(rest, key=self._said, value=name)
+        self._whole.add(place)
+        self._names.update(dict.fromkeys(above, name))
+
+
 def _without_rivals(root: Entry, place: tuple[str, ...]) -> Entry:
     """The scene without what an accuracy that is set would pick, or the other way round."""
     if place[0] != 'solver' or place[-1] not in _RIVALS or 'solver' not in root.mapping():
@@ -204,7 +235,7 @@ def _replaced(node: Entry, place: Sequence[str], value: Entry, name: str) -> Ent
         return value
     key, *rest = place
     if isinstance(node.value, tuple):
-        if not key.isdigit() or int(key) >= len(node.value):
+        if not _INDEX.fullmatch(key) or int(key) >= len(node.value):
             expected = f'0 to {len(node.value) - 1}'
             raise InputError('no such place in a list', key=name, value=key, expected=expected)
         items = list(node.value)

@@ -6,6 +6,9 @@
 the name of a point or a vector; 'places', two of them; 'path', a list of points, or of bodies or
 the ground, each with a place; 'factors', a list of joint coordinates, each with a number; 'table',
 a list of lists of numbers, or the name of a CSV file; 'signal', a number or a table.
+
+`needs` of a parameter, if the metadata has it: other ones, of which one is given beside it, since
+without them it has no meaning.
 """
 
 from __future__ import annotations
@@ -22,13 +25,17 @@ from alf_ros.scene.text.yaml_document import Entry
 _MISSING = dataclasses.MISSING
 
 
-def instances(name: str, entry: Entry, multiple: bool) -> list[tuple[str, Entry]]:
+def instances(name: str, entry: Entry, parameters: Any, multiple: bool) -> list[tuple[str, Entry]]:
     """One thing of a kind, called `name`; where `multiple` may stand, also a list or a mapping of
     names."""
     if multiple and isinstance(entry.value, tuple):
         return [(f'{name}_{i}', item) for i, item in enumerate(entry.value)]
-    if multiple and any(isinstance(value.value, dict) for value in entry.mapping().values()):
-        return list(entry.mapping().items())
+    given = entry.mapping()
+    named = [isinstance(value.value, dict) for value in given.values()]
+    own = {item.name for item in dataclasses.fields(parameters)}
+    # keys of one thing beside a wrong mapping: the error is about that mapping, not about the keys
+    if multiple and any(named) and (all(named) or own.isdisjoint(given)):
+        return list(given.items())
     return [(name, entry)]
 
 
@@ -63,11 +70,17 @@ class ParameterReader:
             if f.default is _MISSING and f.default_factory is _MISSING
         ]
         values: dict[str, object] = {}
-        for key, value in entry.mapping(fields, required).items():
+        entries = entry.mapping(fields, required)
+        given = {key for key, value in entries.items() if not value.is_null}
+        for key, value in entries.items():
             if value.is_null and fields[key].default is None:
                 values[key] = None
             else:
                 values[key] = self._value(value, fields[key].metadata)
+                needs = fields[key].metadata.get('needs', ())
+                if needs and given.isdisjoint(needs):
+                    wanted = f'{" or ".join(needs)} beside it'
+                    raise value.error('has no meaning here', expected=wanted)
         return values
 
     def _value(self, entry: Entry, about: Mapping[str, Any]) -> object:

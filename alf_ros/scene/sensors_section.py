@@ -186,7 +186,7 @@ def read_sensors(
     reader = ParameterReader(mechanism, numbers, references)
     found = []
     for kind, entry in section.mapping(KINDS).items():
-        for name, instance in instances(kind, entry, True):
+        for name, instance in instances(kind, entry, KINDS[kind], True):
             values: dict[str, Any] = reader.parameters(instance, KINDS[kind])
             fault = _misplaced(kind, values, mechanism)
             if fault:

@@ -174,6 +174,67 @@ def test_numbers_are_expressions_by_name():
             numbers([text])
 
 
+def test_options_of_several_values_add_up() -> None:
+    parser = Parser(prog='try')
+    parser.add_argument('--by', nargs='+', default=[1], type=int)
+    assert parser.parse_args([]).by == [1]
+    assert parser.parse_args(['--by', '2', '3', '--by', '4']).by == [2, 3, 4]
+    assert parser.parse_args(['--by', '5']).by == [5]
+
+
+@pytest.mark.parametrize(
+    ('line', 'said'),
+    [
+        ('check four_bar --set a=1 --set a=2', "--set: given twice, got 'a'; expected it once"),
+        ('check four_bar --folder no/a --folder no/b', '--folder: given twice; expected it once'),
+        ('export four_bar -o a --output b', '--output: given twice; expected it once'),
+        ('loads wiper --duration 1 --limits x=1 --limits x=2', "--limits: given twice, got 'x'"),
+        ('atlas four_bar --bar A B --bar B A', '--bar: given twice'),
+        ('import x.xacro --argument a=1 --argument a:=2', "--argument: given twice, got 'a'"),
+        ('fork no_log --at 0 --set a=1 --set a=2', "--set: given twice, got 'a'"),
+        (
+            'identify four_bar no_log --fit m --bounds m=1:2 m=1:3',
+            "--bounds: given twice, got 'm'",
+        ),
+        ('view --port 1 --port 2', '--port: given twice'),
+        ('view --ros-args -p a:=1 -p a:=2', "-p: given twice, got 'a'; expected it once"),
+        (
+            'simulator --duration 1 --ros-args -p duration:=2',
+            '--duration: given twice, also by -p duration; expected one of them',
+        ),
+        (
+            'close --active a --ros-args -p close:active:=[b]',
+            '--active: given twice, also by -p close:active; expected one of them',
+        ),
+    ],
+)
+def test_a_value_given_twice_is_refused(line: str, said: str, capsys) -> None:
+    assert program.main(line.split()) == 2
+    assert said in one_line(capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(
+    ('line', 'said'),
+    [
+        ('modes pendulum --count 0', '--count: not usable, got 0'),
+        ('equilibrium pendulum --at=-1', '--at: not usable, got -1.0'),
+        ('equilibrium pendulum --over gravity.acceleration.1 --to=-9.81', '--to: a path has two'),
+        ('linearise pendulum --period=-1', '--period: not usable'),
+        ('loads wiper --duration 1 --weights foo=1', '--weights: no such actuator'),
+        ('atlas four_bar --over crank_pin --hold crank_pin=x', '--hold: not a number by name'),
+    ],
+)
+def test_errors_name_options_as_typed(line: str, said: str, capsys) -> None:
+    assert program.main(line.split()) == 2
+    assert said in one_line(capsys.readouterr().err)
+
+
+@pytest.mark.parametrize('name', ['check', 'ensemble', 'optimise', 'verify', 'import'])
+def test_a_folder_in_place_of_a_file_is_called_so(name: str, tmp_path, capsys) -> None:
+    assert program.main([name, str(tmp_path)]) == 2
+    assert 'folder' in one_line(capsys.readouterr().err).replace(str(tmp_path), '')
+
+
 def test_a_file_that_cannot_be_written_is_told_by_its_option(tmp_path):
     with writing_into(str(tmp_path / 'new' / 'folder')) as folder:
         assert folder.is_dir()

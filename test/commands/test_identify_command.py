@@ -41,11 +41,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ([*FIT, '--bounds', 'coupler.mass=1'], "--bounds: not two numbers, got '1'"),
         ([*FIT, '--prior', 'coupler.mass=1:x'], '--prior: not a number'),
         ([*FIT, '--noise', 'guid=1e-3'], "did you mean 'guide'?"),
-        ([*FIT, '--map', 'pin=crank_pin'], 'map: nothing of this name in the recording'),
+        ([*FIT, '--map', 'pin=crank_pin'], '--map: nothing of this name in the recording'),
         ([*FIT, '--loss', 'hubr'], "invalid choice: 'hubr'"),
         ([*FIT, '--hold-out', '0.5'], 'no windows to keep away, or none to fit'),
         ([*FIT, '--design', 'gravit.acceleration.1=-5'], "did you mean 'gravity'?"),
         ([*FIT, '--design', 'pendulum', '--design-duration', '0'], 'design duration: out of'),
+        (
+            [*FIT, '--fit', 'mechanism.bodies.coupler.mass'],
+            '--fit: given twice, also by coupler.mass',
+        ),
         ([], 'required: --fit'),
     ],
 )

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import importlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numba import types
 
-from alf_ros import InputError, Simulation, effects, kernel
+from alf_ros import InputError, Simulation, effects, kernel, load_scene
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation import setup as settings
 from support.effect_examples import (
@@ -266,7 +268,7 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
         ('joint_stop: {joint: elbow, stiffness: 1}', 'lower or an upper'),
         ('joint_stop: {joint: elbow, stiffness: 1, lower: 1, upper: 0}', 'below the upper'),
         ('joint_friction: {joint: elbow, dynamic: 0.2, static: 0.1}', 'static must not be less'),
-        ('joint_friction: {joint: rail, radius: 0.1}', 'no radius'),
+        ('joint_friction: {joint: rail, dynamic: 1, radius: 0.1}', 'no radius'),
         ('motor: {joint: elbow, position: 1}', 'go together'),
         ('motor: {joint: elbow, velocity: 1}', 'needs velocity_gain'),
         ('ground_contact: {on: B, stiffness: 1, normal: [0, 0]}', 'no direction'),
@@ -294,3 +296,77 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
 def test_what_cannot_be_is_refused(text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         scene_from_text(f'{PLANAR}\neffects: {{{text}}}\n')
+
+
+ON_SLIDER_CRANK = [
+    ('drag: {on: coupler}', 'drag: has no effect; expected one of linear, quadratic, spin'),
+    (
+        'drag: [{on: coupler, wind: [1, 0], spin: 1}]',
+        r'drag\[0\].wind: .*linear or quadratic beside',
+    ),
+    (
+        'constant_wrench: {on: coupler, frame: body}',
+        'has no effect; expected one of force, torque',
+    ),
+    (
+        'constant_wrench: {on: coupler, torque: 1, at: B}',
+        "at: .*got 'B'; expected force beside it",
+    ),
+    (
+        'joint_friction: {a: {joint: knee, load: 5}}',
+        'a.load: has no meaning here, .*dynamic or static',
+    ),
+    ('joint_friction: {joint: knee, viscous: 1, load: 5}', 'load: .* dynamic or static beside it'),
+    ('joint_friction: {joint: knee, viscous: 1, load: 5, dynamic: 0}', ''),
+    ('joint_friction: {joint: knee}', 'joint_friction: has no effect; expected one of visc'),
+    ('motor: {joint: knee, limit: 5}', ''),
+    ('tendon: {joints: [[knee, 1]]}', ''),
+    ('tendon: {joints: [[knee, 1]], damping: 0, stop_stiffness: 5}', 'stop_stiffness: .*lower or'),
+    (
+        'tendon: {joints: [[knee, 1]], damping: 0, weights: []}',
+        'weights: .*expected path beside it',
+    ),
+    ('ground_contact: {on: B, stiffness: 5, slip: 1}', 'slip: .*expected friction beside it'),
+    ('user_table: {joint: knee, table: [[0, 1]], frame: body}', "frame: .*'body'; expected on"),
+    (
+        'user_table: {joint: knee, table: [[0, 1]], at: [0, 1]}',
+        'at: has no meaning here; expected',
+    ),
+    ('user_table: {table: [[0, 1]]}', 'give one of on, joint'),
+    ('drag: {on: coupler, spin: 0, at: ~}', ''),
+    ('drag: {on: coupler, linera: {x: 1}}', "linera: unknown key, .*did you mean 'linear'"),
+    ('drag: {onn: coupler, linear: {x: 1}}', "onn: unknown key, .*did you mean 'on'"),
+    ('drag: {on: coupler, linear: {x: 1}}', 'drag.linear: a mapping given'),
+    ('drag: {a: {on: coupler, linear: 1}, b: 5}', 'drag.b: wrong kind of value'),
+    ('drag: {on: {on: coupler, linear: 1}}', ''),
+]
+
+
+@pytest.mark.parametrize(('text', 'message'), ON_SLIDER_CRANK)
+def test_keys_without_effect_are_refused(text: str, message: str, tmp_path: Path) -> None:
+    """But for zeros that are given: a variation, or a fit, may change them."""
+    file = tmp_path / 'scene.yaml'
+    file.write_text(f'mechanism: slider_crank\neffects:\n  {text}\n', 'utf-8')
+    if not message:
+        assert len(load_scene(file).effects) == 1
+        return
+    with pytest.raises(InputError, match=rf'scene.yaml:3: effects\..*{message}'):
+        load_scene(file)
+
+
+@pytest.mark.parametrize('form', ['{}', '[{}]', '{{one: {}}}'])
+@pytest.mark.parametrize('kind', [kind for kind in effects.own() if effects.load(kind).MULTIPLE])
+def test_a_wrong_key_is_named(kind: str, form: str, tmp_path: Path) -> None:
+    """With a mapping as its value too, which may be meant as an instance."""
+    file = tmp_path / 'scene.yaml'
+    for field in dataclasses.fields(effects.load(kind).Parameters):
+        for value in ('1', '{a: 1}'):
+            other = next(f.name for f in dataclasses.fields(effects.load(kind).Parameters))
+            rest = '' if other == field.name else f'{other}: B, '
+            one = f'{{{rest}{field.name}x: {value}}}'
+            if form == '{}' and not rest and value != '1':
+                continue  # an instance of that name
+            text = f'mechanism: slider_crank\neffects: {{{kind}: {form.format(one)}}}\n'
+            file.write_text(text, 'utf-8')
+            with pytest.raises(InputError, match=f"{field.name}x: unknown key, .*'{field.name}'"):
+                load_scene(file)

@@ -160,7 +160,7 @@ def test_what_does_not_go_is_listed(tmp_path: Path, monkeypatch, capsys) -> None
         (['four_barr'], "got 'four_barr'; did you mean 'four_bar'"),
         (['four_bar', '-o', 'no/where'], '-o: No such file'),
         (['four_bar', '-o', 'it.urdf', '--loops', 'no/where'], '--loops: No such file'),
-        (['four_bar', '--set', 'a'], 'not a number by name'),
+        (['four_bar', '--set', 'a'], "--set: not a pair, got 'a'"),
     ],
 )
 def test_mistakes_of_the_command(arguments, message, tmp_path: Path, monkeypatch) -> None:

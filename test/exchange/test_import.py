@@ -327,8 +327,8 @@ def test_the_command_writes_and_lists(tmp_path: Path, capsys) -> None:
     [
         (['nowhere.urdf'], 'nowhere.urdf: no such file'),
         (['it.urdf', '--stops', '-1'], 'not a stiffness'),
-        (['it.urdf', '--set', 'shoulder'], 'not a number by name: empty'),
-        (['it.urdf', '--argument', 'size'], "not an argument, got 'size'; expected NAME=VALUE"),
+        (['it.urdf', '--set', 'shoulder'], "--set: not a pair, got 'shoulder'"),
+        (['it.urdf', '--argument', 'size'], "not a pair, got 'size'; expected NAME=VALUE"),
         (['it.urdf', '--argument', 'size=2'], 'for xacro only'),
         (['it.urdf', '--loops', 'nowhere.yaml'], 'nowhere.yaml: no such file'),
         (['it.urdf', '-o', 'no/where.yaml'], '-o: No such file'),

@@ -174,7 +174,7 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
 @pytest.mark.parametrize(
     ('arguments', 'said'),
     [
-        (['--active', 'giude'], "active: no such joint coordinate, got 'giude'; did you mean"),
+        (['--active', 'giude'], "--active: no such joint coordinate, got 'giude'; did you mean"),
         (['--scene', 'delta_robot', '--active', 'motor0'], '2 freedoms are left: motor1, motor2'),
         (['--ros-args', '-p', 'activ:=[a]'], "unknown parameter of the node, got 'activ'"),
         (
@@ -190,6 +190,35 @@ def test_a_wrong_start_is_refused_in_one_line(
     done = ended(['-m', 'alf_ros', 'close', *arguments], tmp_path, environment, START_LIMIT)
     assert done.returncode == 2 and said in done.stderr, done
     assert done.stderr.count('\n') == 1
+
+
+def test_messages_without_stamps_have_the_time_of_arrival(tmp_path: Path, peer: Peer) -> None:
+    """In ROS a stamp of zero is none; the second such message was refused as not later."""
+    with ClosingProcess(tmp_path, '--active', 'guide') as node:
+        joints = peer.listen('/joint_states', JointState)
+        talker = peer.talk(INPUT, JointState)
+        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
+        sent = []
+        for place in (1.49, 1.48, 1.47, 1.46):
+            talker.publish(message(0, guide=place))
+            sent.append(place)
+            peer.until(lambda: len(joints) == len(sent), f'answer {len(sent)}')
+        reports = peer.listen('/close/diagnostics', DiagnosticArray)
+        for ns in (10**18, 0, 10**18 + 10**7):  # of two clocks: none is earlier
+            talker.publish(message(ns, guide=1.45))
+            sent.append(1.45)
+            peer.until(lambda: len(joints) == len(sent), f'answer {len(sent)}')
+        good = {'messages': '7', 'times_back': '0', 'refused': '0'}
+        peer.until(
+            lambda: reports and good.items() <= values(reports[-1], 'input')[2].items(), 'counts'
+        )
+        assert [each.header.stamp.sec for each in joints] == [0, 0, 0, 0, 10**9, 0, 10**9]
+        assert [each.position[2] for each in joints] == pytest.approx(sent)
+        assert node.stop() == 0, node.output
+
+
+def test_names_may_be_exchanged() -> None:
+    assert renamed(['b=a', 'a=b'], ['a', 'b', 'c']) == {'b': 'a', 'a': 'b', 'c': 'c'}
 
 
 def heard(*messages: dict[str, Any]) -> ActiveInput:
@@ -212,6 +241,7 @@ def test_partial_messages_keep_the_last_values() -> None:
     (['x=c'], "names: not an active joint, got 'c'"),
     (['x=a', 'x=b'], "names: renamed twice, got 'x=b'"),
     (['x=a', 'y=a'], "names: renamed twice, got 'y=a'"),
+    (['b=a'], "names: the name of another active joint, got 'b=a'; expected a new name of b too"),
 ])  # fmt: skip
 def test_wrong_names_are_refused(pairs: list[str], said: str) -> None:
     with pytest.raises(InputError) as caught:

@@ -169,7 +169,7 @@ def test_raw_bytes_are_those_of_the_log(peer, log):
 @pytest.mark.parametrize(
     ('options', 'said'),
     [
-        (['--start', '7'], 'seek'),
+        (['--start', '7'], '--start: bad value'),
         (['--rate', '-1'], 'rate'),
         (['--what'], '--what'),
     ],

@@ -131,3 +131,25 @@ def test_same_text_with_other_names() -> None:
 def test_reserved() -> None:
     assert all(map(reserved, ('pi', 'e', 'sin', 'lambda', 'None', 'nan', 'inf', 'Infinity')))
     assert not any(map(reserved, ('L', 'mass', 'E', 'x_1')))
+
+
+@pytest.mark.parametrize('text', ['2**-1e9', '1e-400', '1e-200*1e-200', '1e-300/1e300', '-1e-400'])
+def test_what_is_written_as_something_is_not_zero(text: str) -> None:
+    with pytest.raises(ExpressionError, match='too small for a 64-bit number'):
+        evaluate(text, {})
+
+
+@pytest.mark.parametrize(
+    'text', ['0*5', '5*0', '0/3', '0**2', '0.0e5', '-0', '7 // 8', '0*1e-300']
+)
+def test_zeros_are_zero(text: str) -> None:
+    assert evaluate(text, {}) == 0.0
+
+
+def test_forms_of_numbers() -> None:
+    """None is read as YAML 1.1 would: octal, or to the base of 60."""
+    forms = {'010': 10.0, '1_000': 1000.0, '0x10': 16.0, '0o10': 8.0}
+    assert {text: evaluate(text, {}) for text in forms} == forms
+    for text in ('1:30', '2*010'):
+        with pytest.raises(ExpressionError, match='not arithmetic'):
+            evaluate(text, {})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import alf_ros
-from alf_ros import Simulation, load_scene
+from alf_ros import InputError, Simulation, load_scene
 from alf_ros.scene import overrides
 
 TABLE = '{joint: motor_shaft, angle: {table: [[0, -1.5708], [1, 0], [2, 1]]}}'
@@ -39,3 +39,27 @@ def test_numbers_of_a_drive_vary_and_have_tangents() -> None:
     simulation.step(round(0.5 / simulation.h))
     tangent = simulation.sample().tangents[name].joints['motor_shaft'].position
     assert tangent == pytest.approx(10 * (second - first), rel=1e-9)  # the motion is linear in it
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        (('coupler.mass', 'mechanism.bodies.coupler.mass'), 'given twice, also by coupler.mass'),
+        (('gravity.acceleration', 'gravity.acceleration.1'), 'also by gravity.acceleration'),
+        (('effects.gravity.acceleration.1', 'gravity'), 'nothing of this name'),
+        (('gravity.acceleration.1', 'effects.gravity'), 'also by gravity.acceleration.1'),
+        (('solver.accuracy', 'solver.integrator'), 'has no meaning beside solver.accuracy'),
+        (('gravity.acceleration.01',), "no such place in a list, got '01'"),
+        (('gravity.acceleration.²',), 'no such place in a list'),
+    ],
+)
+def test_a_number_has_one_value(changes: tuple[str, ...], said: str) -> None:
+    """Also under two names, or as a part of another one: the last one would count."""
+    with pytest.raises(InputError, match=said):
+        overrides.with_changes(load_scene('slider_crank'), dict.fromkeys(changes, '1'))
+
+
+def test_a_change_is_given_once() -> None:
+    assert overrides.read(['a = 1', 'b=2']) == {'a': '1', 'b': '2'}
+    with pytest.raises(InputError, match="--set: given twice, got 'a'"):
+        overrides.read(['a=1', 'a =2'])

@@ -65,7 +65,7 @@ def test_aliases_cannot_grow_without_bound() -> None:
         ('slider_krank', "no scene of this name, got 'slider_krank'; did you mean 'slider_crank'"),
         ('', 'no scene of this name'),
         ('nowhere.yaml', 'nowhere.yaml: no such file'),
-        ('/', 'no such file'),
+        ('/', '/: a folder; expected a file'),
         ('x' * 5000 + '.yaml', 'File name too long'),
         ('a\0b.yaml', 'not a path'),
         (Path('nowhere/x'), 'no such file'),

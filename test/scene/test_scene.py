@@ -254,13 +254,14 @@ def test_yaml_1_1_plays_no_tricks() -> None:
         'on: {points: [y, no, A, B], mass: 010, inertia: {about_com: .1}, com: [0, 0]}',
         'y: {at: [1e-3, 0]}\n    no: {at: [1_000, 0]}',
         """effects:
-  constant_wrench: {on: on, torque: 1e-3, at: no}
+  constant_wrench: {on: on, force: [1, 0], torque: 1e-3, at: no}
 initial: {velocities: {y: [null, 1E3]}}""",
     )
     assert scene.mechanism.bodies[0].points == ('y', 'no', 'A', 'B')
     assert scene.mechanism.bodies[0].mass == 10.0
     assert scene.mechanism.bodies[0].local[1] == (999.999, 0.0)
-    assert scene.effects[0].parameters == constant_wrench.Parameters('on', torque=1e-3, at='no')
+    wrench = constant_wrench.Parameters('on', (1.0, 0.0), torque=1e-3, at='no')
+    assert scene.effects[0].parameters == wrench
     assert scene.velocities == {'y': (None, 1000.0)}
 
 
@@ -268,8 +269,11 @@ initial: {velocities: {y: [null, 1E3]}}""",
     ('given', 'names'),
     [
         ('{on: A, force: [1, 0]}', ['constant_wrench']),
-        ('[{on: A}, {on: B, force: [0, 2]}]', ['constant_wrench_0', 'constant_wrench_1']),
-        ('{left: {on: A}, right: {on: rod, torque: 2}}', ['left', 'right']),
+        (
+            '[{on: A, force: [0, 0]}, {on: B, force: [0, 2]}]',
+            ['constant_wrench_0', 'constant_wrench_1'],
+        ),
+        ('{left: {on: A, force: [0, 0]}, right: {on: rod, torque: 2}}', ['left', 'right']),
         ('[]', []),
     ],
 )

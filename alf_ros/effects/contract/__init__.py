@@ -5,6 +5,8 @@
     `doc`; fields with defaults are optional.
 `MULTIPLE`
     whether a scene may name it several times.
+`ONE_OF` (optional)
+    parameters of which a scene gives one at least, also as zero: without them it has no effect.
 `pack(effects, layout) -> Packed`
     all instances of the effect in a scene as two flat arrays, once, before the run.
 `force(t, q, qd, near, slots, params, Q)`

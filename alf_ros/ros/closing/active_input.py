@@ -29,7 +29,16 @@ def renamed(pairs: Sequence[str], active: Sequence[str]) -> dict[str, str]:
         if name in found or joint in found.values():
             raise InputError('renamed twice', key='names', value=pair)
         found[name] = joint
-    return {**{joint: joint for joint in active if joint not in found.values()}, **found}
+    unchanged = [joint for joint in active if joint not in found.values()]
+    for joint in unchanged:
+        if joint in found:  # messages could not name it
+            raise InputError(
+                'the name of another active joint',
+                key='names',
+                value=f'{joint}={found[joint]}',
+                expected=f'a new name of {joint} too',
+            )
+    return {**{joint: joint for joint in unchanged}, **found}
 
 
 class ActiveInput:

@@ -75,7 +75,8 @@ class CloseNode(Node):
         self._input = ActiveInput(names)
         self._posture: Posture | None = None
         self._heard = self._reported = self._followed = -1e9  # s, steady
-        self._first = self._last = -1  # ns, stamps of the first input and of the last posture
+        self._first, self._last = -1, 0  # ns, instants of the first and of the last posture
+        self._stamped: bool | None = None  # whether these are stamps, or times of arrival
         self._failed = 0  # inputs refused
         self._refusal = self._kind = ''
         self._stamp = Time()  # of the last posture
@@ -138,11 +139,14 @@ class CloseNode(Node):
             return
         stamp = message.header.stamp
         ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        if ns and ns <= self._last:
+        stamped = ns != 0  # in ROS zero is no stamp: the time of arrival counts
+        instant = ns if stamped else time.monotonic_ns()
+        alike = self._stamped in (None, stamped)  # else the times are of two clocks
+        later = alike and instant > self._last
+        if alike and not later:
             self._input.went_back()
-        if self._first < 0:
-            self._first = ns
-        t = (ns - self._first) * 1e-9 if ns > self._last else None
+        first = self._first if alike and self._first >= 0 else instant
+        t = (instant - first) * 1e-9 if later else None
         rates = self._input.rates
         moving = len(rates) == len(self.closure.active)
         try:
@@ -151,7 +155,7 @@ class CloseNode(Node):
             self._failed, self._refusal = self._failed + 1, str(error)
             return
         self._refusal = ''
-        self._last = ns or self._last
+        self._first, self._last, self._stamped = first, instant, stamped
         self._heard = time.monotonic()
         self._posture, self._stamp = posture, stamp
         self._publish(posture, stamp, ns, moving)

@@ -70,6 +70,7 @@ _UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {
     ast.USub: operator.neg,
 }
 _DECIMAL = re.compile(r'[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?')
+_DIGIT = re.compile('[1-9]')
 _ALLOWED = re.compile(r'[0-9A-Za-z_.+\-*/%(), ]*')
 _NOT_FINITE = re.compile(r'[-+]?\.?(inf|infinity|nan)', re.IGNORECASE)
 
@@ -111,7 +112,9 @@ def motion(text: str, names: Mapping[str, float]) -> Signal:
 
 def _evaluated(text: str, names: Mapping[str, Any]) -> Any:
     try:
-        return float(text) if _DECIMAL.fullmatch(text) else _compiled(text)(names)
+        if _DECIMAL.fullmatch(text):
+            return _not_lost(float(text), _DIGIT.search(text.lower().partition('e')[0]))
+        return _compiled(text)(names)
     except ZeroDivisionError:
         raise ExpressionError('division by zero') from None
     except OverflowError:
@@ -124,6 +127,14 @@ def _evaluated(text: str, names: Mapping[str, Any]) -> Any:
         raise ExpressionError('a function is not defined there') from None
     except TypeError:
         raise ExpressionError('wrong number of arguments') from None
+
+
+def _not_lost(value: Any, *factors: Any) -> Any:
+    """The value, which is zero only if a factor is. Raises ExpressionError where it is too
+    small."""
+    if type(value) is float and value == 0.0 and all(factors):
+        raise ExpressionError('too small for a 64-bit number')
+    return value
 
 
 def reserved(name: str) -> bool:
@@ -163,6 +174,17 @@ def _function(node: ast.expr, depth: int) -> Evaluator:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             value = float(number)
             return lambda names: value
+        case ast.BinOp(left=first, op=ast.Mult() | ast.Div() | ast.Pow() as op, right=second):
+            binary = _BINARY[type(op)]
+            left, right = _function(first, depth - 1), _function(second, depth - 1)
+            keeps = isinstance(op, ast.Mult)  # whether zero comes from either side
+
+            def product(names: Mapping[str, Any]) -> Any:
+                a, b = left(names), right(names)
+                value = binary(a, b)
+                return _not_lost(value, a, b) if keeps else _not_lost(value, a)
+
+            return product
         case ast.Name(id=name):
             return _constant_or_parameter(name)
         case ast.UnaryOp(op=sign, operand=inner) if type(sign) in _UNARY:

@@ -83,9 +83,9 @@ def _candidate(
     if not isinstance(what, (str, Path)):
         raise InputError('no candidate', key=_KEY, value=what, expected='a scene or a recording')
     first, *rest = _COMMA.split(str(what))
-    changes, plan = overrides.read(rest), None
+    changes, plan = overrides.read(rest, _KEY), None
     if '=' in first:
-        changes = overrides.read([first, *rest])
+        changes = overrides.read([first, *rest], _KEY)
     elif _is_recording(first):
         plan = read_recording(first, scene, topics, plan=True)
     else:

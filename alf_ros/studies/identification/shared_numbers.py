@@ -86,6 +86,8 @@ def shared_numbers(
                 raise InputError('is not fitted', key=what, value=name, choices=all_)
             _check_pair(what, name, pair)
     begin = [_begin(scene, name) for name in names] + [0.0] * delay
+    together = {name: repr(value) for name, value in zip(names, begin, strict=False)}
+    overrides.with_changes(scene, together, 'fit ')  # refuses two names of one number
     lower, upper = np.full(len(all_), -np.inf), np.full(len(all_), np.inf)
     mean, deviation = np.array(begin), np.full(len(all_), np.inf)
     for k, name in enumerate(all_):
