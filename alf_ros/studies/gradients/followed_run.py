@@ -1,8 +1,8 @@
 """A run whose tangents are read: the gradient where no adjoint takes the steps back.
 
 The run gives the number. Its derivatives are read where they count, from the tangents of the
-states on the way. These are kept while there is room; behind them the run is made again. The cost
-grows with the number of parameters.
+states on the way. These are kept, up to a limit of memory; behind the last one the run is made
+again. The cost grows with the number of parameters.
 """
 
 from __future__ import annotations
