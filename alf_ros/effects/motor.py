@@ -52,11 +52,7 @@ class Parameters:
     )
     limit: float | None = field(
         default=None,
-        metadata={
-            'kind': 'number',
-            'unit': 'N m or N',
-            'doc': 'L; no limit if absent',
-        },
+        metadata={'kind': 'number', 'unit': 'N m or N', 'doc': 'L; no limit if absent'},
     )
     free_speed: float | None = field(
         default=None,

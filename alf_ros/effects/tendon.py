@@ -111,8 +111,7 @@ class Parameters:
     position_gain: float = field(default=0.0, metadata=_number('N/m', 'k_p'))
     velocity_gain: float = field(default=0.0, metadata=_number('N s/m', 'k_v'))
     limit: float | None = field(
-        default=None,
-        metadata=_number('N', 'largest effort of the drive; no limit if absent'),
+        default=None, metadata=_number('N', 'largest effort of the drive; no limit if absent')
     )
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from alf_ros import effects
@@ -336,7 +336,13 @@ _KINDS: Mapping[str, Schema] = {
 def _effect(kind: str) -> Schema:
     """One effect, from its `Parameters`."""
     module = effects.load(kind)
-    return _described(module.Parameters, module.__doc__)
+    one = _described(module.Parameters, module.__doc__)
+    one_of = getattr(module, 'ONE_OF', ())
+    return one | _given_one(one_of) if one_of else one
+
+
+def _given_one(names: Sequence[str]) -> Schema:
+    return {'anyOf': [{'required': [name]} for name in names]}
 
 
 def _described(parameters: Any, doc: str | None) -> Schema:
@@ -356,6 +362,9 @@ def _described(parameters: Any, doc: str | None) -> Schema:
             required.append(item.name)
         fields[item.name] = described | {'allOf': [shape]}
     one = _mapping(fields, required)
+    needs = {item.name: item.metadata.get('needs') for item in dataclasses.fields(parameters)}
+    if any(needs.values()):
+        one['dependencies'] = {name: _given_one(each) for name, each in needs.items() if each}
     one['description'] = ' '.join((doc or '').partition('\n\n')[0].split())
     return one
 

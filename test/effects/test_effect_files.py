@@ -89,6 +89,12 @@ def test_text_of_a_scene_says_which_file(folder: Path) -> None:
         ('MULTIPLE = True', 'MULTIPLE = = True', r'magnet\.py:9: not Python'),
         ('def pack(', 'def unpack(', 'an effect without pack'),
         ("'kind': 'number', ", '', "no 'kind' and 'doc' in the metadata of 'strength'"),
+        (
+            "'doc': 's'",
+            "'doc': 's', 'needs': ('at',)",
+            "ONE_OF or 'needs' name no parameter: 'at'",
+        ),
+        ('MULTIPLE = True', "MULTIPLE, ONE_OF = True, ('s',)", "name no parameter: 's'"),
         ('import Measures,', 'import Mesures,', r'magnet\.py:7: ImportError'),
         ('@contract.force', '', 'force is not compiled by @contract.force'),
         ('length**2, Q)', 'breadth**2, Q)', 'numba cannot compile it: .*breadth'),

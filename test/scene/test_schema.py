@@ -14,7 +14,7 @@ from alf_ros import effects
 from alf_ros.commands import schema as schema_command
 from alf_ros.errors import InputError
 from alf_ros.scene import json_schema
-from alf_ros.scene.scene import load_scene
+from alf_ros.scene.scene import load_scene, scene_from_text
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 from support.paths import ROOT
@@ -133,3 +133,20 @@ def test_every_misspelt_key_has_line_and_suggestion(kind: str, least: int, tmp_p
             assert not JUDGE[kind].is_valid(data(yaml_document.parse(wrong, None))), said
             found += 1
     assert found >= least
+
+
+@pytest.mark.parametrize(
+    'effect',
+    [
+        'drag: {on: coupler}',
+        'drag: {on: coupler, spin: 1, wind: [1, 0]}',
+        'joint_friction: {joint: crank_pin, load: 1}',
+        'joint_friction: [{joint: crank_pin, viscous: 1, slip: 1}]',
+        'user_table: {push: {joint: crank_pin, table: [[0, 1]], frame: body}}',
+    ],
+)
+def test_an_editor_underlines_what_has_no_effect(effect: str) -> None:
+    text = f'mechanism: slider_crank\neffects: {{{effect}}}\n'
+    with pytest.raises(InputError, match='has no (effect|meaning here)'):
+        scene_from_text(text)
+    assert not JUDGE['scene'].is_valid(data(yaml_document.parse(text, None)))

@@ -174,9 +174,15 @@ def checked(module: ModuleType, file: str) -> ModuleType:
             )
     if not dataclasses.is_dataclass(module.Parameters):
         raise InputError('Parameters is no dataclass', file=file)
-    for field in dataclasses.fields(module.Parameters):
+    fields = dataclasses.fields(module.Parameters)
+    named = set(getattr(module, 'ONE_OF', ()))
+    for field in fields:
         if not {'kind', 'doc'} <= set(field.metadata):
             raise InputError(f"no 'kind' and 'doc' in the metadata of {field.name!r}", file=file)
+        named.update(field.metadata.get('needs', ()))
+    unknown = named.difference(field.name for field in fields)
+    if unknown:
+        raise InputError(f"ONE_OF or 'needs' name no parameter: {min(unknown)!r}", file=file)
     for name, wanted in (('force', contract.FORCE), ('potential', contract.POTENTIAL)):
         if hasattr(module, name) and getattr(getattr(module, name), '_sig', None) != wanted:
             raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
