@@ -21,7 +21,7 @@ effects:
   gravity: {acceleration: [0, -9.81]}
   drag:
     crank: {on: crank, quadratic: 0.05}
-    nothing: {on: coupler}
+    nothing: {on: coupler, linear: 0}
   joint_friction: {joint: crank_pin, viscous: 0.1}
   joint_stop: {joint: guide, upper: 3, stiffness: 1000}
 initial: {velocities: {B: [-4.0, 0]}}

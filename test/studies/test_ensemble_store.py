@@ -249,7 +249,7 @@ def test_no_scheduler_is_one_line(short, tmp_path):
         text=True,
         check=False,
     )
-    expected = "scheduler: no scheduler answers, got 'nonsense'; expected tcp://host:port"
+    expected = "--scheduler: no scheduler answers, got 'nonsense'; expected tcp://host:port"
     assert (done.returncode, done.stderr) == (2, f'alf_ros ensemble: {expected}\n')
 
 

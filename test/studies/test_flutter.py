@@ -134,9 +134,11 @@ def test_damping_that_gives_energy() -> None:
     assert linearise(rest).eigenvalues.real.max() > 0.0
 
 
-@pytest.mark.parametrize(('law', 'holds'), [({'viscous': 0.1}, False), ({'dynamic': 0.1}, True)])
+@pytest.mark.parametrize(
+    ('law', 'holds'), [({'viscous': 0.1}, False), ({'dynamic': 0.1, 'radius': 0.1}, True)]
+)
 def test_only_dry_friction_holds(law: dict[str, float], holds: bool) -> None:
-    friction = {'joint': 'pin', 'radius': 0.1, **law}
+    friction = {'joint': 'pin', **law}
     rest = equilibrium(
         load_scene({**PENDULUM, 'effects': {**GRAVITY, 'joint_friction': friction}})
     )

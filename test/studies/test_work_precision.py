@@ -67,12 +67,8 @@ def test_goes_on_where_it_was_stopped(folder: Path, capsys: pytest.CaptureFixtur
     assert len(rows) == 4 and sum(row['cpu_ms_per_s'] == '12345' for row in rows) == 1
     assert {row['version'] for row in rows} == {sweep.identity()}
     # another duration is another measurement; the other rows stay
-    assert (
-        main(
-            ['work_precision', 'slider_crank', '--folder', str(folder), *FEW, '--duration', '0.5']
-        )
-        == 0
-    )
+    shorter = ['0.5' if word == '1' else word for word in FEW]
+    assert main(['work_precision', 'slider_crank', '--folder', str(folder), *shorter]) == 0
     assert '(4 of 4 settings measured now)' in capsys.readouterr().out
     assert len(read(folder)) == 8
     # and so is what was measured on another machine

@@ -54,7 +54,8 @@ class SimulatorProcess:
 
     def __init__(self, folder: Path | str, *options: str, **parameters: object) -> None:
         self.folder = Path(folder)
-        arguments = ['--log-folder', str(self.folder), *options]
+        logging = [] if '--log-folder' in options else ['--log-folder', str(self.folder)]
+        arguments = [*logging, *options]
         if parameters:
             arguments.append('--ros-args')
             for name, value in parameters.items():
