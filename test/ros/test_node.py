@@ -276,7 +276,8 @@ def test_diagnostics_tell_health_once_a_second(tmp_path, peer):
     with SimulatorProcess(tmp_path).wait_running() as node:
         # Costs are measured once a second. A report with the costs of the one before tells at once
         # that something has changed, as a busy machine does to the timing.
-        arrived, costs = [], [None]
+        arrived: list[float] = []
+        costs: list[str | None] = [None]
         while len(arrived) < 6:
             peer.until(lambda: len(found.heard) >= len(costs), 'a report')
             costs.append(found.value('timing', 'steps_s_per_tick'))
