@@ -50,7 +50,7 @@ def of_counts(log: Log, topics: Collection[str] = ()) -> Iterator[str]:
             yield f'{topic}: {found} messages, and its index states {told}'
 
 
-def checked_inputs(log: Log) -> list[dict[str, Any]]:
+def checked_journal(log: Log) -> list[dict[str, Any]]:
     """The journal of a log. Raises InputError, with what `verify` says, if it has none, or not as
     it was written."""
     file = str(log.path)
@@ -71,16 +71,19 @@ def _faults(log: Log) -> Iterator[str]:
         yield from of_counts(log, [log.topic('~/inputs')])
 
 
+def shows_states(log: Log) -> bool:
+    """Whether a log has states, of these versions and of this machine: others have other bits."""
+    return log.versions == provenance.versions() and log.topic('~/state') in log.survey.counts
+
+
 def check_motion(
     log: Log, rerun: Rerun, entries: Sequence[dict[str, Any]], end: float = math.inf
 ) -> None:
     """Continue a re-run with these entries of the journal, and compare the states up to `end` (s)
     with the ones in the log. Raises InputError at the first state that is another one.
 
-    It looks at logs of these versions and of this machine alone: others have other bits.
+    Only for a log that `shows_states`.
     """
-    if log.versions != provenance.versions() or log.topic('~/state') not in log.survey.counts:
-        return
     waiting, file = list(entries), str(log.path)
     for piece in log.pieces(['~/state']):
         for series in piece:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from alf_ros.errors import InputError
-from alf_ros.logs.input_faults import checked_inputs
+from alf_ros.logs.input_faults import checked_journal
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Event, Rerun, in_order
 from alf_ros.simulation import state_vector
@@ -28,7 +28,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
     """Go to the last logged instant up to `at` (s): from its state, or through all steps before if
     the log has no states. Raises InputError if `at` is not within the log or its journal is not as
     it was written, StepError."""
-    rerun, inputs = Rerun(log, trust), checked_inputs(log)
+    rerun, inputs = Rerun(log, trust), checked_journal(log)
     source = _source(log)
     has_states = source == log.topic('~/state')
     latest: Event | None = None

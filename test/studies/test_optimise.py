@@ -19,6 +19,7 @@ from alf_ros.studies.optimisation.design_quantity import design_quantity
 from alf_ros.studies.optimisation.driven_design import DrivenDesign
 from alf_ros.studies.optimisation.free_design import FreeDesign
 from alf_ros.studies.optimisation.instants import DesignMotion
+from support.arm import arm
 from support.design_scenes import BARS, coupler_point, four_bar, sprung_block, whirled_bob
 
 SIXTH = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))  # central differences
@@ -356,16 +357,7 @@ def test_a_limit_that_no_design_holds_is_not_active() -> None:
 
 # ---------------------------------------------------------------------------- quantities that jump
 
-ARM: dict[str, Any] = {
-    'name': 'arm',
-    'mechanism': {
-        'alf': 1,
-        'space': 'planar',
-        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
-        'bodies': {'bar': {'points': ['O', 'A'], 'mass': 3.0, 'inertia': 'rod'}},
-        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'}},
-    },
-}
+ARM = arm(3.0)
 
 
 def asked(motion: DesignMotion, goals: dict[Any, float]) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.errors import AssemblyError, InputError
-from alf_ros.logs.input_faults import check_motion
+from alf_ros.logs.input_faults import check_motion, shows_states
 from alf_ros.logs.log import Log
 from alf_ros.logs.progress import Report, silent
 from alf_ros.logs.rerun import Rerun
@@ -61,8 +61,9 @@ def fork(
     simulation = rerun.simulation
     steps = steps_per_tick(1.0 / tick, simulation.h)
     end = log.end if duration is None else start + duration
-    again = resume(log, at, trust)
-    check_motion(log, again.rerun, again.rest, end)
+    if shows_states(log):
+        again = resume(log, at, trust)
+        check_motion(log, again.rerun, again.rest, end)
     parent = {
         'log': log.path.name,
         'seal': log.inputs[0].get('seal', ''),

@@ -193,18 +193,25 @@ def unused(parent: Path, name: str) -> Path:
     """The folder of this name, for a log. Raises InputError if there is something."""
     folder = parent / name
     if os.path.lexists(folder):
-        raise InputError(
-            'exists already, and is left as it is',
-            key='--output',
-            value=str(folder),
-            expected='another folder: -o',
-        )
+        raise _is_used(folder)
     return folder
 
 
+def _is_used(folder: Path) -> InputError:
+    return InputError(
+        'exists already, and is left as it is',
+        key='--output',
+        value=str(folder),
+        expected='another folder: -o',
+    )
+
+
 def _named_folder(parent: Path, name: str) -> Path:
-    folder = unused(parent, name)
-    folder.mkdir(parents=True)
+    folder = parent / name
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError:  # also one that somebody has made since it was looked for
+        raise _is_used(folder) from None
     return folder
 
 

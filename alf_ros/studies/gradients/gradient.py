@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.logs.input_faults import check_motion, checked_inputs
+from alf_ros.logs.input_faults import check_motion, checked_journal, shows_states
 from alf_ros.logs.log import Log, load
 from alf_ros.logs.rerun import Rerun
 from alf_ros.model.tableaux import TABLEAUX
@@ -89,7 +89,9 @@ def gradient(
         if duration is not None:
             raise InputError('a log has its own duration', key='duration', value=duration)
         log = source if isinstance(source, Log) else load(Path(source))
-        check_motion(log, Rerun(log, trust), checked_inputs(log))
+        inputs = checked_journal(log)
+        if shows_states(log):
+            check_motion(log, Rerun(log, trust), inputs)
         rerun = Rerun(log, trust)
         simulation, tick = rerun.simulation, rerun.steps_per_tick
         stretches = _stretches(log, rerun)

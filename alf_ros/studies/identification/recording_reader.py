@@ -19,7 +19,7 @@ from alf_ros import paths
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.logs import journal, log, mcap_chunks
-from alf_ros.logs.input_faults import checked_inputs
+from alf_ros.logs.input_faults import checked_journal
 from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series
 from alf_ros.scene.scene import Scene
@@ -84,7 +84,7 @@ class _Reader:
     def recording(self, plan: bool) -> Recording:
         own = self._own_log()
         if own is not None:
-            checked_inputs(own)
+            checked_journal(own)
             self._held_before(own)
         for series in self._series(None if own is None else own.topic('~/inputs')):
             if series.type == _JOINTS and _is(series.topic, self._topics.joints):

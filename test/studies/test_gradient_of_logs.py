@@ -1,0 +1,164 @@
+"""Gradients of recorded runs: their inputs, jumps and settings, and logs that are refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, gradient, load_scene
+from alf_ros.__main__ import main as program
+from alf_ros.commands.gradient import main
+from alf_ros.errors import InputError
+from alf_ros.logs import load
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation import setup as settings
+from support.arm import arm
+from support.log_files import Retold, make, rewritten
+
+ARM = arm(1.0)
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'esdirk43'])
+def test_of_a_log(integrator: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recorded run that is pushed on the way has the derivatives of the tangents."""
+    names, file = ['m', 'L'], tmp_path / 'gradient.json'
+    scene = overrides.with_changes(load_scene('slider_crank'), {'solver.integrator': integrator})
+    (tmp_path / 'scene.yaml').write_text(scene.text, 'utf-8')
+    scene = load_scene(tmp_path / 'scene.yaml')
+    log, recorded = make(tmp_path / 'log', tmp_path / 'scene.yaml', ticks=30, push_at=10)
+    steps = recorded.step_index // 30
+    simulation = Simulation(scene, tangents=names)
+    simulation.step(9 * steps)
+    body = simulation.model.body_names[-1]
+    simulation.apply_wrench(body, force=[1.0 / 3.0, 0.0])
+    simulation.step(21 * steps)
+    assert simulation.state.q.tobytes() == recorded.state.q.tobytes()
+    sample = simulation.sample()
+    of = ['--of', 'final(points.B.x)', '--by', *names]
+    assert main([str(log), *of, '--json', str(file)]) == 0
+    printed = capsys.readouterr().out
+    told = json.loads(file.read_text('utf-8'))
+    for name in names:
+        assert told['by'][name] == pytest.approx(sample.tangents[name].points['B'][0], rel=1e-11)
+        assert f'{told["by"][name]:.9g}' in printed
+    assert told['value'] == sample.points['B'][0]
+    assert told['t'] == pytest.approx(simulation.t)
+
+
+def effort_from_tick(folder: Path, scene: Scene, begin: int, ticks: int = 30) -> Path:
+    """A log of an arm whose pin gets an effort of 1.5 N m from a tick on."""
+    run = LogRun(folder, settings.made(scene, {}))
+    simulation, steps = run.setup.simulation, run.setup.steps
+    run.send()
+    for tick in range(ticks):
+        if tick == begin:
+            simulation.apply_effort('pin', 1.5)
+            run.note({'kind': 'effort', 'cause': 'command', 'name': 'pin', 'effort': 1.5})
+        simulation.step(steps)
+        run.send()
+    run.close()
+    return Path(run.recorder.folder)
+
+
+@pytest.mark.parametrize('begin', [0, 2, 10, 29])
+@pytest.mark.parametrize('integrator', ['rk4', 'esdirk43'])
+def test_an_input_that_begins_jumps(begin: int, integrator: str, tmp_path: Path) -> None:
+    """No polynomial goes across the jump, and an input from the first step on acts there."""
+    scene = load_scene({**ARM, 'solver': {'step': 2e-3, 'integrator': integrator}})
+    log = effort_from_tick(tmp_path, scene, begin)
+    part = 1.0 - begin / 30
+    expected = {
+        'max': (1.5, 'N m'),
+        'min': (1.5 if begin == 0 else 0.0, 'N m'),
+        'mean': (1.5 * part, 'N m'),
+        'integral': (1.5 * part * 30 * 2e-3, 'N m s'),
+        'rms': (1.5 * np.sqrt(part), 'N m'),
+        'final': (1.5, 'N m'),
+    }
+    for every in (None, 7):
+        for fold, (value, unit) in expected.items():
+            found = gradient(log, f'{fold}(pin.effort)', ['bar.mass'], every=every)
+            assert found.value == pytest.approx(value, abs=1e-14), fold
+            assert found.unit == unit
+
+
+@pytest.mark.parametrize(
+    ('edit', 'said'),
+    [
+        (lambda k, entry: {**entry, 'effort': 9.0} if k == 1 else entry, 'changed after it'),
+        (lambda k, entry: None if k == 1 else entry, 'its inputs give another motion'),
+        (lambda k, entry: None if k == 0 else entry, '1 inputs are missing before'),
+    ],
+    ids=['changed', 'missing', 'the first one is missing'],
+)
+def test_inputs_that_are_not_the_ones_of_the_run_are_refused(
+    edit: Callable[[int, Any], Any],
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    log = load(effort_from_tick(tmp_path, load_scene(ARM), 10))
+    spoilt = rewritten(log.files[0], tmp_path, change=Retold(edit))
+    given = ['gradient', str(spoilt), '--of', 'max(pin.effort)', '--by', 'bar.mass']
+    assert program(given) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count('\n') == 1
+
+
+@pytest.mark.parametrize('gravity', [None, [0.0, -9.81], [0.0, -1.62]])
+def test_settings_that_change_no_motion(gravity: list[float] | None, tmp_path: Path) -> None:
+    """As by the parameter `rate` of a node; what changes the motion is named."""
+    setup = settings.made(load_scene('slider_crank'), {})
+    run, of = LogRun(tmp_path, setup), 'mean(points.B.x)'
+    run.send()
+    for tick in range(1, 21):
+        setup.simulation.step(setup.steps)
+        run.send()
+        if tick == 10:
+            effects = {'effects.gravity.acceleration': gravity} if gravity else {}
+            setup = settings.changed(setup, {}, effects, 250.0)
+            run.use(setup)
+            told = {'solver': asdict(setup.simulation.solver), 'steps_per_tick': setup.steps}
+            run.note({'kind': 'settings', **told, 'effects': effects})
+    run.close()
+    log = run.recorder.folder
+    if gravity and gravity[1] != -9.81:
+        with pytest.raises(InputError, match=r'acceleration: no gradient: it changes on the way'):
+            gradient(log, of, ['m'])
+        return
+    simulation = Simulation(load_scene('slider_crank'))
+    expected = gradient(simulation, of, ['m'], duration=setup.simulation.t, every=2)
+    found = gradient(log, of, ['m'])
+    assert found.value == pytest.approx(expected.value, rel=1e-13)
+    assert found.by['m'] == pytest.approx(expected.by['m'], rel=1e-11)
+
+
+def test_derivatives_beside_an_input_that_begins(tmp_path: Path) -> None:
+    """Against the exact motion of a turning rod: the force in its pin jumps at 0.02 s."""
+    scene = {**ARM, 'initial': {'velocities': {'A': [0.0, 1.0]}}}
+    scene['solver'] = {'step': 2e-3, 'integrator': 'rk4'}
+    log = effort_from_tick(tmp_path, load_scene(scene), 10, ticks=20)
+    gain = 3.0 * 1.5  # rad/s², of a rod of 1 m and 1 kg
+    t = np.linspace(0.0, 0.02, 2001)
+    spin = 1.0 + gain * t
+    along, by_mass = 0.5 * spin**2, 0.5 * spin**2 - spin * gain * t  # m l/2 ω²
+    force = np.hypot(0.5 * gain, along)  # across: 3/2 of the effort over l, for any mass
+    by_mass *= along / force
+    before = 0.5 * 0.02  # of m l/2 ω², also its derivative
+    cases = {
+        'min': (0.5, 0.5),
+        'max': (force[-1], by_mass[-1]),
+        'integral': (np.trapezoid(force, t) + before, np.trapezoid(by_mass, t) + before),
+    }
+    for fold, (value, slope) in cases.items():
+        found = gradient(log, f'{fold}(norm(reactions.pin.force))', ['bar.mass'])
+        assert found.value == pytest.approx(value, rel=1e-8)
+        assert found.by['bar.mass'] == pytest.approx(slope, rel=1e-6)
