@@ -32,7 +32,7 @@ def _solve_back(adjoint: Adjoint, bar: Floats) -> int:
     zero(u)
     zero(work.y)
     zero(work.r2)
-    count, _sigma = solved(problem, f, u, True, True)
+    count, _sigma = solved(problem, f, u, True)
     return count
 
 

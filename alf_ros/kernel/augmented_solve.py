@@ -41,18 +41,24 @@ ROUNDING = 1e-12  # of an eigenvalue
 
 @compiled
 def augmented(
-    unit: Unit,
-    system: System,
-    work: Work,
-    f: Floats,
-    x: Floats,
-    until: Until,
-    begun: bool = False,
+    unit: Unit, system: System, work: Work, f: Floats, x: Floats, until: Until
 ) -> tuple[int, float]:
     """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor (26), (33).
 
-    y and r2 stand in `work`: on entry r2 = -c - Φ_q x, and y is a first guess. `begun`: the
-    right-hand side of the first δ stands in `work.delta`. In residual form
+    y and r2 stand in `work`: on entry r2 = -c - Φ_q x, and y is a first guess. Returns what
+    `iterate` does.
+    """
+    residuals(unit, system, work, f, x)
+    return iterate(unit, system, work, f, x, until)
+
+
+@inner
+def iterate(
+    unit: Unit, system: System, work: Work, f: Floats, x: Floats, until: Until
+) -> tuple[int, float]:
+    """`augmented`, where the right-hand side of the first δ stands in `work.delta`.
+
+    In residual form
 
         A δ = f - M x - Φ_qᵀ y + Φ_qᵀ α r2,   x += δ,   y += α (Φ_q δ - r2),
 
@@ -75,7 +81,7 @@ def augmented(
     before, slowest = 0.0, 0.0
     for count in range(1, iterations + 1):
         work.pulse[LEFT] -= 1
-        if count > 1 or not begun:
+        if count > 1:
             residuals(unit, system, work, f, x)
         step, size = step_by(unit, system, work, x)  # A δ = …, x += δ: (26), (33)
         size = max(size, alone, NOTHING)
@@ -175,19 +181,24 @@ def velocities(problem: Problem, exactly: bool) -> tuple[int, float]:
     and the solve must not be finished.
     """
     begin_velocities(problem.unit, problem.system, problem.work)
-    return solved(problem, problem.work.p, problem.work.qd, exactly, True)  # (33)
+    return solved(problem, problem.work.p, problem.work.qd, exactly)  # (33)
 
 
 @inner
-def solved(
-    problem: Problem, f: Floats, x: Floats, exactly: bool, begun: bool
-) -> tuple[int, float]:
-    """`augmented`; where that is slow and `exactly` holds, `finish`. Returns what `velocities`
+def solved_anew(problem: Problem, f: Floats, x: Floats, exactly: bool) -> tuple[int, float]:
+    """`solved`, from the x, y and r2 that stand."""
+    residuals(problem.unit, problem.system, problem.work, f, x)
+    return solved(problem, f, x, exactly)
+
+
+@inner
+def solved(problem: Problem, f: Floats, x: Floats, exactly: bool) -> tuple[int, float]:
+    """`iterate`; where that is slow and `exactly` holds, `finish`. Returns what `velocities`
     does."""
     system, work = problem.system, problem.work
     patience = system.patience
     until = Until(np.int64(problem.method.iterations), SOLVED, patience)
-    count, slowest = augmented(problem.unit, system, work, f, x, until, begun)
+    count, slowest = iterate(problem.unit, system, work, f, x, until)
     if slowest <= patience:
         return count, np.inf
     if not exactly:
@@ -203,7 +214,7 @@ def _finished(problem: Problem, f: Floats, x: Floats, slowest: float) -> float:
     sigma = min(sigma, finish(unit, system, work, x, SOLVED, EVERY_MODE))
     for _ in range(_REFINEMENTS):
         # rounding comes with the factor 1 / s²: a round on both residuals takes it away
-        augmented(unit, system, work, f, x, Until(np.int64(1), 0.0, 1.0), False)
+        augmented(unit, system, work, f, x, Until(np.int64(1), 0.0, 1.0))
         finish(unit, system, work, x, SOLVED, EVERY_MODE)
     return sigma
 
@@ -268,4 +279,4 @@ def accelerate_freely(problem: Problem, exactly: bool) -> tuple[int, float]:
     for i in range(work.p.size):
         work.qdd[i] = 0.0
     begin_accelerations(problem.unit, problem.system, work, work.Q)
-    return solved(problem, work.Q, work.qdd, exactly, True)  # (26)
+    return solved(problem, work.Q, work.qdd, exactly)  # (26)

@@ -21,7 +21,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.applied_forces import add_friction, add_one, applied_forces
-from alf_ros.kernel.augmented_solve import solved
+from alf_ros.kernel.augmented_solve import solved_anew
 from alf_ros.kernel.data.actuation import Actuation
 from alf_ros.kernel.inverse_trace import mass_trace
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
@@ -88,7 +88,7 @@ def _project(of: Actuation) -> None:
     zero(of.x)
     zero(work.r2)
     zero(work.y)
-    solved(of.problem, of.f, of.x, True, False)
+    solved_anew(of.problem, of.f, of.x, True)
 
 
 @inner

@@ -29,7 +29,7 @@ from alf_ros.kernel.arc_coordinates import (
     unfold,
 )
 from alf_ros.kernel.augmented_residuals import begin_accelerations
-from alf_ros.kernel.augmented_solve import accelerate, augmented, restore_reactions, velocities
+from alf_ros.kernel.augmented_solve import accelerate, iterate, restore_reactions, velocities
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
     Method,
@@ -105,7 +105,7 @@ def evaluate_first(
     zero(work.p)
     begin_accelerations(unit, system, work, work.p)
     until = Until(np.int64(problem.method.iterations), 1e-3, 1.0)
-    augmented(unit, system, work, work.p, work.bend, until, True)  # (26) with Q = 0
+    iterate(unit, system, work, work.p, work.bend, until)  # (26) with Q = 0
     return most, sigma
 
 

@@ -35,7 +35,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.arc_coordinates import straighten
-from alf_ros.kernel.augmented_solve import augmented
+from alf_ros.kernel.augmented_solve import iterate
 from alf_ros.kernel.data import NOTHING, Method, System, Until, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.grazed_kinks import BEGUN, ENDED, FAR, UNFOUND
@@ -88,7 +88,7 @@ def free_part(unit: Unit, system: System, work: Work) -> float:
     zero(work.along)
     for i in range(work.p.size):  # the blocks that do not move have no p
         work.delta[i] = work.p[i]
-    augmented(unit, system, work, work.p, work.along, Until(np.int64(3), 1e-3, 1.0), True)
+    iterate(unit, system, work, work.p, work.along, Until(np.int64(3), 1e-3, 1.0))
     return largest(work.along, work.p.size)
 
 

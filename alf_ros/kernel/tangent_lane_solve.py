@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.kernel.augmented_residuals import residuals, update_rows
-from alf_ros.kernel.augmented_solve import NOISE, solved
+from alf_ros.kernel.augmented_solve import NOISE, solved_anew
 from alf_ros.kernel.data import EPS, NOTHING, SOLVED, FollowedStage, Problem, System, Tangents
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.mass import add_mass_times
@@ -136,6 +136,6 @@ def _finish(
         f[a], alone[a] = lane(tangents.f, a, m), lane(x, a, m)
     for r in range(work.r2.size):
         work.r2[r], work.y[r] = lane(at.r2, r, m), lane(at.y, r, m)
-    solved(problem, f, alone, True, False)
+    solved_anew(problem, f, alone, True)
     for a in range(alone.size):
         set_lane(x, a, m, alone[a])

@@ -13,6 +13,7 @@ from numba.core.ccallback import CFunc
 from alf_ros.kernel.numba_ext.cache import Cache
 from alf_ros.kernel.numba_ext.inner_code import InnerCompiler
 from alf_ros.kernel.numba_ext.plain import PLAIN, Function, entered
+from alf_ros.kernel.numba_ext.structs import common_type
 
 # whole numbers of 64 bit without sign: with Python integers sums would be floats
 ZERO = np.uint64(0)
@@ -29,10 +30,25 @@ _called_inside = {
 }
 
 
+def _of_common_types(template: Callable[..., Any]) -> Callable[..., Any]:
+    """`get_call_template` of a dispatcher, which compiled code that calls it asks for its type.
+
+    One variant serves all calls: else there would be one for each constant that is passed, and one
+    for an array beside that for the vector of a struct, and LLVM would compile each.
+    """
+
+    def common(args: Any, kws: Any) -> Any:
+        named = {name: common_type(kind) for name, kind in kws.items()}
+        return template(tuple(map(common_type, args)), named)
+
+    return common
+
+
 def _cached(function: Callable[..., Any], **options: Any) -> Any:
     if PLAIN:
         return function
     dispatcher = njit(**options)(function)
+    dispatcher.get_call_template = _of_common_types(dispatcher.get_call_template)
     dispatcher._cache = cache = Cache(function)
     dispatcher.compile = cache.guarded(dispatcher.compile)
     return dispatcher

@@ -45,6 +45,7 @@ import numpy as np
 from llvmlite import ir
 from numba import from_dtype, types
 from numba.core import cgutils
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import (
     AbstractTemplate,
     AttributeTemplate,
@@ -55,6 +56,7 @@ from numba.core.typing.templates import (
 from numba.extending import (
     NativeValue,
     lower_builtin,
+    lower_cast,
     lower_getattr_generic,
     make_attribute_wrapper,
     models,
@@ -81,6 +83,21 @@ class VectorType(types.Type):
     def __init__(self, number: types.Number | LanesType, constant: bool) -> None:
         self.number, self.constant = number, constant
         super().__init__(f'{"const " if constant else ""}{number}*')
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Whether this is the vector of an array."""
+        return Conversion.safe if common_type(other) == self else None
+
+
+def common_type(kind: types.Type) -> types.Type:
+    """The type in which compiled functions take an argument: a constant as any value of its type,
+    whole numbers in 64 bit, the numbers of an array as a vector."""
+    kind = types.unliteral(kind)
+    if isinstance(kind, types.Integer):
+        return types.int64 if kind.signed else types.uint64
+    if isinstance(kind, types.Array) and (kind.ndim, kind.layout, kind.mutable) == (1, 'C', True):
+        return VectorType(kind.dtype, False)
+    return kind
 
 
 def _dtype(part: types.Type) -> Any:
@@ -390,12 +407,17 @@ def vector(typing: Any, array: Any) -> Any:
         return array(array), lambda context, builder, sig, args: args[0]
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        of = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
-        to = cgutils.create_struct_proxy(sig.return_type)(context, builder)
-        to.data, to.size = of.data, of.nitems
-        return to._getvalue()
+        return _vector_of(context, builder, sig.args[0], sig.return_type, args[0])
 
     return VectorType(array.dtype, False)(array), code
+
+
+@lower_cast(types.Array, VectorType)
+def _vector_of(context: Any, builder: Any, kind: Any, to: Any, array: Any) -> Any:
+    of = cgutils.create_struct_proxy(kind)(context, builder, value=array)
+    made = cgutils.create_struct_proxy(to)(context, builder)
+    made.data, made.size = of.data, of.nitems
+    return made._getvalue()
 
 
 def place_of(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, Any, int]:

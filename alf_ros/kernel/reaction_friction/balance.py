@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 
 from alf_ros.kernel.applied_forces import add_friction
-from alf_ros.kernel.augmented_solve import solved
+from alf_ros.kernel.augmented_solve import solved_anew
 from alf_ros.kernel.data import Problem
 from alf_ros.kernel.numba_ext.block import block, dot
 from alf_ros.kernel.numba_ext.jit import by_address, inner
@@ -65,7 +65,7 @@ def _solve(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
     for count in range(1, _PASSES + 1):
         copy(cut.given, work.Q)
         add_friction(problem.forces.effects, t, work.q, work.qd, work.near, cut.trial, work.Q)
-        iterated, sigma = solved(problem, work.Q, work.qdd, exactly, False)  # (26)
+        iterated, sigma = solved_anew(problem, work.Q, work.qdd, exactly)  # (26)
         most = max(most, iterated)
         if sigma == 0.0 and not exactly:
             return most, sigma

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.applied_forces import add_friction
-from alf_ros.kernel.augmented_solve import solved
+from alf_ros.kernel.augmented_solve import solved_anew
 from alf_ros.kernel.data import Bearings, Problem
 from alf_ros.kernel.numba_ext.block import block, put
 from alf_ros.kernel.numba_ext.jit import ONE, inner
@@ -51,7 +51,7 @@ def respond(problem: Problem, t: float, exactly: bool) -> bool:
             zero(cut.qdd_of)
             zero(work.y)
             zero(work.r2)
-            _, sigma = solved(problem, work.Q, cut.qdd_of, exactly, False)  # (26)
+            _, sigma = solved_anew(problem, work.Q, cut.qdd_of, exactly)  # (26)
             fine = sigma > 0.0 or exactly
             reactions(problem, t, cut.qdd_of, cut.next, False)
             for n in range(loads):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.kernel.augmented_solve import solved
+from alf_ros.kernel.augmented_solve import solved_anew
 from alf_ros.kernel.constraints import times_jacobian
 from alf_ros.kernel.data import Problem
 from alf_ros.kernel.mass import add_mass_times
@@ -112,5 +112,5 @@ def _open(problem: Problem, exactly: bool) -> bool:
     zero(work.Q)
     zero(cut.qdd_of)
     zero(work.y)
-    _, sigma = solved(problem, work.Q, cut.qdd_of, exactly, False)  # (33)
+    _, sigma = solved_anew(problem, work.Q, cut.qdd_of, exactly)  # (33)
     return sigma > 0.0 or exactly
