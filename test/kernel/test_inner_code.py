@@ -64,3 +64,52 @@ def test_it_is_compiled_once_and_serves_two_callers_in_two_processes(tmp_path):
     # nothing but the caller is read
     assert run(tmp_path, 'once') == [cubic(0.7), [], None]
     assert run(tmp_path, 'twice') == [cubic(cubic(0.7)), [], None]
+
+
+SHARED = """
+import numpy as np
+from numba import njit
+from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.structs import vector
+
+@inner
+def least(a, b):
+    return min(a, b)
+
+@inner
+def taken(v, i, doubled):
+    return least(2.0 * v[i], 9.0) if doubled else least(v[i], 9.0)
+
+@compiled
+def total(v, at):
+    return taken(v, 0, True) + taken(v, at[0], False) + taken(vector(v), np.uint32(2), v[0] > 0.0)
+
+@njit
+def somebody_elses(v):
+    return taken(v, np.uint8(1), True)
+
+v, at = np.array([1.0, 2.0, 4.0]), np.array([1], dtype=np.uint16)
+print(total(v, at), somebody_elses(v))
+for kinds in taken.overloads:
+    print(*kinds, sep=', ')
+print(len(least.overloads))
+"""
+
+
+def test_one_variant_serves_constants_arrays_and_short_whole_numbers(tmp_path):
+    """Also where numba compiles code that is not of this package."""
+    (tmp_path / 'shared.py').write_text(SHARED)
+    done = subprocess.run(
+        [sys.executable, 'shared.py'],
+        cwd=tmp_path,
+        env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / 'cache'), 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == [
+        '12.0 4.0',
+        'float64*, int64, bool',
+        'float64*, uint64, bool',
+        '1',
+    ]

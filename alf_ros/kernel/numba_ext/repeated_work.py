@@ -10,6 +10,7 @@ compiler. Before and after, numba is as it was.
 - Which variables live at the entry of each block, after each of nine changes of the intermediate
   code. Only generators and code with Python objects need it.
 - The time in each call of LLVM, for each function that is being compiled, up to a dozen at once.
+- Code of LLVM that a function needs by way of several others: it is added once (`inner_code`).
 - Code in which there may be closures, lists and reductions to inline, or expressions of arrays to
   fuse. numba prepares each function for that. The kernel has numbers, vectors and structs.
 """
@@ -24,10 +25,13 @@ from typing import Any
 from numba import stencil, types
 from numba.core import event, ir, postproc, transforms
 from numba.core.base import BaseContext
+from numba.core.codegen import CPUCodeLibrary
 from numba.core.ir_utils import fixup_var_define_in_scope
 from numba.core.typed_passes import NopythonRewrites
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes
+
+from alf_ros.kernel.numba_ext.inner_code import add_parts
 
 _signatures: dict[tuple[Any, ...], Any] = {}
 _sizes: dict[tuple[Any, str], int] = {}
@@ -130,6 +134,7 @@ REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (BaseFunction, 'get_call_type', _remembered_call_type),
     (BaseContext, 'get_abi_sizeof', _remembered_size),
     (postproc.PostProcessor, 'run', _run_without_lives),
+    (CPUCodeLibrary, 'add_linking_library', add_parts),
     (InlineClosureLikes, 'run_pass', _inline_if_any),
     (NopythonRewrites, 'run_pass', _rewrite_if_any),
     (event, 'install_timer', _no_timer),
