@@ -14,13 +14,13 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.branches_report import Branches, reported
 from alf_ros.model import assembly, singular_branches
+from alf_ros.model.handedness import Handedness
 from alf_ros.model.sure_step import BESIDE, SAME, change
 from alf_ros.studies.atlas.configuration_curve import (
     CurveSpace,
     Piece,
     followed,
 )
-from alf_ros.studies.atlas.handedness import Handedness
 from alf_ros.studies.atlas.random_places import RandomPlaces
 
 _SAME = 1e-4  # of the size: two nodes that are one
