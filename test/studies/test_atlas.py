@@ -364,10 +364,7 @@ def three_cranks(e: float) -> dict[str, Any]:
     return {
         'alf': 1,
         'points': {**pins, **{name: {'at': at} for name, at in ends.items()}},
-        'bodies': {
-            **{n: {'points': [*ends], **rod} for n, ends in cranks.items()},
-            'plate': plate,
-        },
+        'bodies': {**bodies, 'plate': plate},
         'joints': joints,
     }
 
