@@ -19,6 +19,8 @@ MOTION = {
     'the joints `fixed`, or give one a rotor (`armature` of a motor)',
     'angles of balls': 'a ball is in place of the joints: their angles are not published',
     'joints near gimbal lock': 'links without mass turn fast there, and stop a run (see --balls)',
+    'rows of joints with skew axes': 'where their axes lie in one plane they stop a run: '
+    'the links between have no mass',
     'rows of joints for balls': 'at gimbal lock they stop a run (see --balls)',
     'inertia by shapes': 'it is not computed: the one in the file counts',
     'mass: default of SDF': 'a link without a mass has 1 kg and 1 kg m2 about every axis',

@@ -26,6 +26,7 @@ from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.drives import offset
 from alf_ros.model.constraints.rows import joint_rows, rigidity
 from alf_ros.model.dense_linearisation import Linearised, moving
+from alf_ros.model.handedness import check_hands
 from alf_ros.model.singular_branches import Position
 from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene
@@ -93,7 +94,9 @@ def _mechanics(scene: Scene) -> Soundness:
     if drawn.massless.shape[1]:
         return Soundness(model, model.q, (*_size(drawn), _mass(drawn)), Sweep())
     try:
-        at = Linearised(model, assembly.close(model, scene.positions))
+        q = assembly.close(model, scene.positions)
+        check_hands(model, q)
+        at = Linearised(model, q)
     except AssemblyError as error:
         closed = Answer(BAD, 'loops', str(error.message))
         return Soundness(model, model.q, (closed, *_size(drawn)), Sweep())

@@ -35,7 +35,7 @@ def read(text: object) -> dict[str, Any]:
     fields of its kind, or if the text is not the one that `chained` writes."""
     try:
         entry = record.parsed(text)
-        if isinstance(entry, dict) and _is_entry(entry) and json.dumps(entry) == text:
+        if isinstance(entry, dict) and is_entry(entry) and json.dumps(entry) == text:
             return entry
     except ValueError:
         pass
@@ -49,7 +49,8 @@ def entries(series: Series) -> list[dict[str, Any]]:
     return [read(message.get('data')) for message in series.messages]
 
 
-def _is_entry(entry: dict[str, Any]) -> bool:
+def is_entry(entry: dict[str, Any]) -> bool:
+    """Whether an entry has the fields of its kind."""
     kind, step, seal = entry.get('kind'), entry.get('step'), entry.get(SEAL, '')
     if not (isinstance(kind, str) and isinstance(seal, str) and _is_time(entry.get('t'))):
         return False

@@ -21,7 +21,7 @@ from alf_ros.kernel import System, Work
 from alf_ros.kernel.data import NOTHING
 from alf_ros.mechanism import affine
 from alf_ros.model.closing_newton import opened, settle
-from alf_ros.model.compile import Model, allocate, hold
+from alf_ros.model.compile import Model, allocate, compile_model, hold
 from alf_ros.model.constraints.drives import is_aligned
 from alf_ros.model.constraints.meshing import Integral, integrals, slips
 from alf_ros.model.constraints.row import Row, linear
@@ -49,13 +49,35 @@ def close(
     """Positions q (blocks D, m) that satisfy Φ = 0 and the given ones, nearest to the drawing.
 
     `start` (blocks D, m) is where to begin instead of the drawing. They are closed to `least` of
-    the size, or as far as rounding allows. `work`: memory for the rows of the model alone. Raises
+    the size, or as far as rounding allows. Gears, racks, threads and couplings are in mesh as
+    drawn, unless there is a `start`. `work`: memory for the rows of the model alone. Raises
     AssemblyError with the constraints that stay open.
     """
-    system, names, _ = hold(model, held(model, given), velocities=False)
+    rows = held(model, given)
+    system, names, _ = hold(model, rows, velocities=False)
     if work is None or system is not model.system:
         work = allocate(model, system, 0)
-    return closed(model, system, names, work, start, least)
+    q = closed(model, system, names, work, start, least)
+    mesh = _mesh(model, rows) if start is None and (rows or model.mechanism.drives) else None
+    if mesh is not None:
+        gap = _in_mesh(model, system, work, mesh, _as_drawn(model))
+        _check(model, work, [*names, *mesh.names], gap, CLOSED)
+        q = np.array(work.q)
+    return q
+
+
+def _as_drawn(model: Model) -> Floats:
+    """The drawing q (blocks D, m), its loops closed, without drives and given positions."""
+    if not model.mechanism.drives:
+        return close(model, {})
+    free = compile_model(replace(model.mechanism, drives=()), model.penalty)
+    D = model.layout.dimension
+    q, found = close(free, {}).reshape(-1, D), model.q.reshape(-1, D).copy()
+    of, to = free.layout, model.layout
+    for before, now in ((of.of_point, to.of_point), (of.of_vector, to.of_vector)):
+        for name, block in now.items():
+            found[block] = q[before[name]]
+    return found.ravel()
 
 
 def closed(

@@ -206,8 +206,8 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
             break
         rank = effective_rank(stiff, work)
         away = abs(rank - np.rint(rank))  # not a number, for a penalty that overflows
-        if away < off:
-            found, off = round(rank), away
+        if away < off:  # a motion without mass counts as if rows held it
+            found, off = min(round(rank), len(model.row_names)), away
         if off < WHOLE:
             break
     return found

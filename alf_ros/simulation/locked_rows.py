@@ -12,6 +12,7 @@ from alf_ros.model.compile import Model
 
 _NEAR = 0.3  # sine between the first and the last axis
 _TOGETHER = 1e-9  # of the size: joints at one place
+_RIGHT = 1e-3  # cosine between axes at right angles
 
 
 def explained(model: Model, q: Floats) -> tuple[str, str] | None:
@@ -28,9 +29,11 @@ def explained(model: Model, q: Floats) -> tuple[str, str] | None:
             continue
         axes = [
             model.layout.direction(each.parent, each.frames[0].axes[2]).value(places)
-            for each in (first, last)
+            for each in (first, middle, last)
         ]
-        one, other = (axis / np.linalg.norm(axis) for axis in axes)
+        one, between, other = (axis / np.linalg.norm(axis) for axis in axes)
+        if max(abs(one @ between), abs(between @ other)) > _RIGHT:
+            continue  # it is no ball
         sine = float(np.linalg.norm(np.cross(one, other)))
         nearest = min(nearest, (sine, f'{first.name}, {middle.name}, {last.name}'))
     sine, names = nearest

@@ -10,6 +10,7 @@ from alf_ros.kernel import Work
 from alf_ros.model import assembly, ordinary_positions, singular_start
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.consistency import Adjustment, made_consistent
+from alf_ros.model.handedness import check_hands
 from alf_ros.model.penalty import LEAST_PENALTY, fitted
 from alf_ros.model.singular_branches import Position
 from alf_ros.scene.scene import Scene, Solver
@@ -95,5 +96,6 @@ def _assembled(scene: Scene, model: Model, work: Work) -> tuple[Model, Floats, i
     """The model with ordinary values near its closed position; that position q (blocks D, m); the
     number of dependent rows; and an ordinary position (blocks D, m)."""
     q = assembly.close(model, scene.positions, work=work)
+    check_hands(model, q)
     dependent, ordinary, sigma = ordinary_positions.ordinary(model, q, work)
     return model.accustomed(sigma, dependent), q, dependent, ordinary

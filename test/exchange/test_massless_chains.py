@@ -14,7 +14,15 @@ from scipy.spatial.transform import Rotation
 from alf_ros import InputError, Scene, Simulation, StepError
 from alf_ros.arrays import Floats
 from alf_ros.exchange import ball_rows, gimbal_lock, mechanism_text
-from alf_ros.exchange.robot import Actuator, Connection, Robot, RobotPart
+from alf_ros.exchange.robot import (
+    Actuator,
+    Connection,
+    FixedPlane,
+    GroundTouch,
+    Robot,
+    RobotPart,
+    Tendon,
+)
 from alf_ros.mechanism import GROUND
 from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import scene_from_text
@@ -184,6 +192,63 @@ def test_a_row_stays_if_something_acts_on_it(acts: str) -> None:
     assert len(robot.connections) == 3
     ball_rows.joined(robot, stops=False)
     assert len(robot.connections) == (1 if acts == 'limits' else 3)
+
+
+SKEW, IN_PLANE, TWICE = (X + Y, 0.3 * Y + Z), (X + Y, Y), (X, Y)
+
+
+@pytest.mark.parametrize(('middle', 'last'), [SKEW, TWICE, (Y, Y)])
+def test_a_row_of_other_axes_is_no_ball(middle: Floats, last: Floats) -> None:
+    """Some directions are out of its reach; of two parallel axes one freedom is missing."""
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0.1, -0.3), 1.0)
+    axes = (each / np.linalg.norm(each) for each in (X, middle, last))
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), *axes)
+    ball_rows.joined(maker.robot, stops=False)
+    gimbal_lock.checked(maker.robot)
+    assert [each.kind for each in maker.robot.connections] == ['revolute'] * 3
+    listed = {'rows of joints with skew axes': ['hook_0, hook_1, hook_2']}
+    assert maker.robot.left_out.names == listed
+
+
+def test_a_row_of_axes_in_one_plane_is_refused() -> None:
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0.1, -0.3), 1.0)
+    axes = (each / np.linalg.norm(each) for each in (X, *IN_PLANE))
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), *axes)
+    with pytest.raises(InputError, match='hook_0, hook_1, hook_2 lie in one plane'):
+        gimbal_lock.checked(maker.robot)
+    with pytest.raises(StepError):  # and no traceback of a number of rows below zero
+        Simulation(maker.scene(), integrator='dop853', step=5e-3).step(10)
+
+
+@pytest.mark.parametrize('acts', ['touch', 'tendon', 'inertia'])
+def test_a_row_stays_if_a_link_between_has_a_part(acts: str) -> None:
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0, 0), 1.0)
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), X, Y, Z)
+    robot, link = maker.robot, 'hook_link1'
+    if acts == 'touch':
+        plane = FixedPlane(np.zeros(3), Z)
+        robot.touches.append(GroundTouch('foot', link, np.zeros(3), 0.01, plane, 0.5))
+    elif acts == 'tendon':
+        robot.tendons.append(Tendon('cord', path=[('rod', np.zeros(3)), (link, X)]))
+    else:
+        robot.parts = [
+            replace(part, inertia=np.eye(3)) if part.name == link else part for part in robot.parts
+        ]
+    ball_rows.joined(robot, stops=False)
+    assert [each.kind for each in robot.connections] == ['revolute'] * 3
+
+
+def test_limits_that_a_ball_does_not_have_are_listed() -> None:
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0, 0), 1.0)
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), X, Y, Z)
+    robot = maker.robot
+    robot.connections[1] = replace(robot.connections[1], limits=(-1.0, 1.0))
+    ball_rows.joined(robot, stops=False)
+    assert robot.left_out.names['limits (see --stops)'] == ['hook_1']
 
 
 def test_a_step_that_fails_beside_gimbal_lock_says_so() -> None:

@@ -1,5 +1,6 @@
 """`analyze`: what it gathers against the whole log, and its page in a browser, without network."""
 
+import base64
 import importlib.util
 import json
 import os
@@ -19,11 +20,11 @@ from alf_ros import Simulation, load_scene
 from alf_ros.commands.analyze import main
 from alf_ros.errors import InputError
 from alf_ros.logs import load
-from alf_ros.logs.report.commands import MOST_HELD, MOST_TEXTS, Orders
+from alf_ros.logs.report.commands import MOST_HELD, MOST_TEXTS, Orders, held_before
 from alf_ros.logs.report.decimation import Instants, Trace
 from alf_ros.logs.report.drawn_motion import mechanism, motion
 from alf_ros.logs.report.gather import Label, gather
-from alf_ros.logs.report.html import page
+from alf_ros.logs.report.html import packed, page
 from alf_ros.logs.report.singularity_distance import distances
 from alf_ros.logs.report.summary import account
 from alf_ros.ros.recording.fork import fork
@@ -100,6 +101,30 @@ def test_a_flood_of_commands_takes_bounded_memory():
         assert np.diff(times).max() < 0.1
 
 
+def on_the_page(values):
+    """The numbers as the page unpacks them."""
+    found = packed(np.array(values))
+    if isinstance(found, float):
+        return np.full(len(values), found)
+    numbers = np.frombuffer(base64.b64decode(found['f32']), '<f4')
+    return numbers.astype(float) + found.get('base', 0.0)
+
+
+def test_the_drift_of_an_energy_survives_float32():
+    energy = 13.603384190106665 + 1e-9 * np.sin(np.arange(500.0))
+    assert np.ptp(energy.astype(np.float32)) == 0.0
+    assert np.abs(on_the_page(energy) - energy).max() < 1e-14
+    energy[7] = np.nan
+    assert np.abs(np.delete(on_the_page(energy) - energy, 7)).max() < 1e-14
+
+
+@pytest.mark.parametrize(
+    'values', [[0.0, 0.0], [0.1, 0.1], [1e300, 1e300], [np.nan] * 2, [np.inf, 1.0], [0.0, 1e-20]]
+)
+def test_other_numbers_come_through(values):
+    assert on_the_page(values) == pytest.approx(values, rel=1e-6, abs=0.0, nan_ok=True)
+
+
 # ----------------------------------------------------------------------------------- what it finds
 
 
@@ -151,6 +176,25 @@ def test_the_motion_is_that_of_the_run(planar):
     assert found.applied[101, 0, 3:].tolist() == [1.0 / 3.0, 0.0, 0.0]
     ends = [found.places[101, again.model.point_names.index(name)] for name in 'AB']
     assert np.allclose(found.applied[101, 0, :3], np.mean(ends, axis=0), atol=1e-12)
+
+
+def test_a_fork_begins_with_the_commands_held(planar, tmp_path):
+    """They stand in its state, not in an entry of their own."""
+    found = account(load(fork(load(planar), 0.5, {}, tmp_path, duration=0.1)))
+    trace = found.found.orders.traces['wrench', 'coupler']
+    assert trace.t.tolist() == [0.5] and trace.high[0, 0] == 1.0 / 3.0
+    assert np.all(found.motion.applied[:, 0, 3:] == [1.0 / 3.0, 0.0, 0.0])
+    (text,) = (text for _, _, text in found.texts if 'coupler' in text)
+    assert text == (
+        'step 500, wrench coupler: cause: held before, force: [0.333333, 0.0], torque: 0.0, '
+        'frame: world'
+    )
+
+
+@pytest.mark.parametrize('inputs', [None, 3, {'wrenches': [1]}, {'efforts': {'A': 'x'}}])
+def test_what_is_held_in_a_damaged_state_is_passed_over(inputs):
+    start = {'step': 0, 't': 0.0, 'kind': 'start', 'state': {'inputs': inputs}}
+    assert held_before(start) == []
 
 
 def test_passes_are_found_where_a_watched_run_finds_them(recorded):

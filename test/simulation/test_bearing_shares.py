@@ -229,6 +229,13 @@ def test_refusals(stiffness: dict[str, float], words: str) -> None:
         load_scene({'mechanism': mechanism})
 
 
+def test_a_joint_without_torque_has_no_stiffness_against_rotation() -> None:
+    legs = table([1e6] * 4, (0.0, 0.0))
+    legs['joints']['leg2']['stiffness'] = {'translation': 1e6, 'rotation': 1e3}
+    with pytest.raises(InputError, match='distance joint transmits no torque'):
+        load_scene({'mechanism': legs})
+
+
 def test_friction_on_reactions_is_refused() -> None:
     friction = {'joint_friction': {'joint': 'h0', 'dynamic': 0.1, 'radius': 0.01}}
     bearings = [{'translation': 1e8}] * 3

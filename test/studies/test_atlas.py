@@ -18,6 +18,7 @@ import pytest
 
 from alf_ros import Atlas, InputError, atlas
 from alf_ros import __main__ as program
+from alf_ros.errors import AssemblyError
 from alf_ros.model.dense_linearisation import Linearised
 from support.browser import CHROMIUM, Browser
 
@@ -346,3 +347,35 @@ def test_what_rolls_and_has_other_freedoms_is_refused() -> None:
         atlas('double_pendulum')
     with pytest.raises(InputError, match='hold others at a value'):
         atlas('stewart_platform')
+
+
+def three_cranks(e: float) -> dict[str, Any]:
+    """Three cranks of a plate on a row of pins; the end of the last is drawn too high by e (m)."""
+    rod = {'mass': 1.0, 'inertia': 'rod'}
+    pins = {name: {'at': [k, 0.0], 'fixed': True} for k, name in enumerate('ABC')}
+    ends = {'D': [0.3, 0.8], 'E': [1.3, 0.8], 'F': [2.3, 0.8 + e]}
+    cranks = {f'crank{k}': ('ABC'[k], 'DEF'[k]) for k in range(3)}
+    plate = {'points': [*'DEF'], 'mass': 1, 'inertia': {'about_com': 0.3}, 'com': [1, 0]}
+    bodies = {name: {'points': [*ends], **rod} for name, ends in cranks.items()}
+    joints: dict[str, Any] = {}
+    for name, (pin, end) in cranks.items():
+        joints[f'{name}_pin'] = {'type': 'revolute', 'between': ['ground', name], 'at': pin}
+        joints[f'{name}_end'] = {'type': 'revolute', 'between': [name, 'plate'], 'at': end}
+    return {
+        'alf': 1,
+        'points': {**pins, **{name: {'at': at} for name, at in ends.items()}},
+        'bodies': {**bodies, 'plate': plate},
+        'joints': joints,
+    }
+
+
+@pytest.mark.parametrize('e', [0.0, 1e-9])
+def test_redundant_lengths_are_adjusted_as_in_a_simulation(e: float) -> None:
+    found = atlas(three_cranks(e), 'crank0_pin', starts=40)
+    assert found.limits() == {1: (-math.inf, math.inf)}
+    assert ('adjusted so that they agree: crank2 by' in found.statement) == (e > 0.0)
+
+
+def test_redundant_lengths_that_contradict_each_other_are_refused() -> None:
+    with pytest.raises(AssemblyError, match='redundant constraints contradict each other'):
+        atlas(three_cranks(1e-7), 'crank0_pin', starts=5)

@@ -7,6 +7,7 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,15 @@ def test_a_run_is_judged_by_the_worst_of_its_samples() -> None:
     assert result.verdict == 'passed'
     assert 1e-9 < result.position < 1e-6
     assert result.energy_bound == pytest.approx(2 * 9.81 * 1e-6)
+
+
+def test_an_error_that_is_no_number_fails() -> None:
+    motion = motions.paper('slider_crank')
+    exact = motion.exact()[:3].copy()
+    exact[1, 0] = np.nan
+    run = replace(motion, times=motion.times[:3], exact=lambda: exact)
+    result = execute(RunSpec(run, 'rk4', 2e-3, 1e-6))
+    assert math.isnan(result.position) and result.verdict == 'position error above the bound'
 
 
 @pytest.mark.parametrize(

@@ -205,7 +205,9 @@ class _Film:
         while self._orders and self._orders[0].t <= t:
             order = self._orders.popleft()
             try:
-                self._simulation.apply_wrench(order.name, order.force, frame=order.frame)
+                self._simulation.apply_wrench(
+                    order.name, order.force, at=order.at, frame=order.frame
+                )
             except (AlfError, TypeError, ValueError):
                 continue  # a damaged entry, or one of another scene
 

@@ -24,6 +24,9 @@ PAGE = Path(__file__).with_name('page')
 # Kinds of commands with values, and the panels of these
 ORDERED = {'wrench': 'wrench', 'effort': 'ordered_effort', 'target': 'ordered_position'}
 
+_EQUAL = 1e-14  # of the largest number, from which down a spread is rounding
+_LATE, _LARGEST = 1e-2, 1e38  # likewise, where float32 would lose digits; what float32 holds
+
 Json = dict[str, Any]
 
 
@@ -67,11 +70,20 @@ def assembled(template: Path, scripts: Sequence[Path], data: Json) -> str:
 
 
 def packed(values: Floats) -> float | Json:
-    """Numbers for the page: one if all are equal, else float32 as text."""
-    flat = _single(values).ravel()
-    if flat.size and np.isfinite(flat[0]) and (flat == flat[0]).all():
-        return float(flat[0])
-    return {'f32': base64.b64encode(flat.tobytes()).decode()}
+    """Numbers for the page: one if all are equal, else float32 as text. Numbers that differ in
+    late digits only, such as an energy, stand as differences from a `base`: float32 has 7."""
+    found = values.ravel()
+    numbers = found[np.isfinite(found)]
+    if not numbers.size:
+        return array(found)
+    largest = float(np.abs(numbers).max())
+    spread = float(numbers.max()) - float(numbers.min())  # of Python: it may be infinite
+    if numbers.size == found.size and spread <= _EQUAL * largest:
+        return float(np.median(numbers))
+    if spread < _LATE * largest < _LARGEST:
+        base = float(numbers[0])
+        return {**array(found - base), 'base': base}
+    return array(found)
 
 
 def _single(values: Floats) -> NDArray[np.float32]:

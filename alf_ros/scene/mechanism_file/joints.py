@@ -83,7 +83,9 @@ class JointReader:
                 given.refuse_parent(f'{kind} is between the ground and a body')
         joint = found.read(given)
         if bearings.KEY in item.fields:
-            joint = replace(joint, bearing=bearings.read(item.fields[bearings.KEY], item.names))
+            entry = item.fields[bearings.KEY]
+            bearing = bearings.read(entry, item.names, joint.kind, self.dimension)
+            joint = replace(joint, bearing=bearing)
         return joint
 
     @cached_property

@@ -13,9 +13,9 @@ from alf_ros.errors import AssemblyError, InputError
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.dense_linearisation import Linearised
+from alf_ros.model.handedness import Handedness
 from alf_ros.simulation.input_checks import number, whole
 from alf_ros.studies.atlas.coordinate_reader import CoordinateReader
-from alf_ros.studies.atlas.handedness import Handedness
 from alf_ros.studies.atlas.map_coordinate import coordinate_named
 from alf_ros.studies.atlas.map_search import LARGEST
 from alf_ros.studies.atlas.random_places import RandomPlaces

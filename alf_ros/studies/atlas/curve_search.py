@@ -14,13 +14,13 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.branches_report import Branches, reported
 from alf_ros.model import assembly, singular_branches
+from alf_ros.model.handedness import Handedness
 from alf_ros.model.sure_step import BESIDE, SAME, change
 from alf_ros.studies.atlas.configuration_curve import (
     CurveSpace,
     Piece,
     followed,
 )
-from alf_ros.studies.atlas.handedness import Handedness
 from alf_ros.studies.atlas.random_places import RandomPlaces
 
 _SAME = 1e-4  # of the size: two nodes that are one
@@ -45,7 +45,8 @@ class CurveSearch:
 
     drawn (blocks D, m): around which random starts are; starts: how many there were; hits: how
     many starts closed on each piece; closed_starts: starts that closed at all; mirrored: of these
-    with a body as its mirror image; singular_starts: of these in a singular position.
+    with a body as its mirror image; singular_starts: of these in a singular position;
+    rigid_starts: where redundant rows let nothing move.
     """
 
     space: CurveSpace
@@ -58,6 +59,7 @@ class CurveSearch:
     closed_starts: int = 0
     mirrored: int = 0
     singular_starts: int = 0
+    rigid_starts: int = 0
     _left: list[set[int]] = field(default_factory=list)  # directions of a node not followed yet
 
     def __post_init__(self) -> None:
@@ -70,6 +72,9 @@ class CurveSearch:
         self.closed_starts += 1
         if self._handedness.is_mirrored(q):
             self.mirrored += 1
+            return
+        if at.rank > space.rank:
+            self.rigid_starts += 1
             return
         if at.rank < space.rank or space.sigma(at) < BESIDE:
             self.singular_starts += 1

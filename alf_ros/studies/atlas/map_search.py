@@ -14,6 +14,7 @@ from alf_ros.inspection.position_sweep import shortest
 from alf_ros.mechanism import Mechanism
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.compile import Model, compile_model
+from alf_ros.model.consistency import made_consistent
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.model.prescribed import prescribed
 from alf_ros.scene.scene import Scene
@@ -52,7 +53,8 @@ class Sheet:
     """The curves at one value of the second coordinate (`level`, NaN without one).
 
     starts: random places; closed_starts: starts that closed, known ones included; hits: of them on
-    each circuit, by its number; mirrored: of them with a body as its mirror image.
+    each circuit, by its number; mirrored: of them with a body as its mirror image; rigid: where
+    redundant rows let nothing move.
     """
 
     level: float
@@ -62,6 +64,7 @@ class Sheet:
     starts: int
     closed_starts: int
     mirrored: int
+    rigid: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,19 @@ class _Ground:
     space: CurveSpace
     dependent: int
     usual: Floats
+
+
+def consistent(scene: Scene, bare: Mechanism) -> tuple[Mechanism, str]:
+    """The mechanism without drives, with shapes whose redundant rows agree, as a simulation has
+    it; and the changes in words, '' without any. Raises AssemblyError where the rows contradict
+    each other by more: strictly such a mechanism is a structure."""
+    model = compile_model(bare, scene.solver.penalty)
+    if model.n > LARGEST:
+        return bare, ''
+    q = assembly.close(model, scene.positions)
+    dependent, _, sigma = ordinary_positions.ordinary(model, q)
+    found = made_consistent(model.accustomed(sigma, dependent), q, dependent)
+    return (bare, '') if found is None else (found[0], str(found[1]))
 
 
 def searched(
@@ -162,6 +178,7 @@ def _sheet(
         search.starts,
         search.closed_starts,
         search.mirrored,
+        search.rigid_starts,
     )
 
 

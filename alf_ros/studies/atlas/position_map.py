@@ -18,7 +18,7 @@ from alf_ros.model.compile import Model
 from alf_ros.simulation.input_checks import number, text, whole
 from alf_ros.studies.atlas.curve_search import Node
 from alf_ros.studies.atlas.map_coordinate import MapCoordinate, coordinate_named
-from alf_ros.studies.atlas.map_search import Held, MapRequest, Sheet, searched
+from alf_ros.studies.atlas.map_search import Held, MapRequest, Sheet, consistent, searched
 from alf_ros.studies.atlas.mapped_piece import TRAVEL_LIMIT, MappedPiece, Turning
 from alf_ros.studies.atlas.transmission import Bar, bar_between
 from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
@@ -169,11 +169,13 @@ def atlas(
     places until so many in a row find nothing new; 200, or 40 a sheet over two coordinates.
 
     Raises InputError for names and numbers that are none, for another number of freedoms than
-    coordinates, and for rows that bind velocities only; AssemblyError if the loops do not close.
+    coordinates, and for rows that bind velocities only; AssemblyError if the loops do not close,
+    or redundant rows contradict each other.
     """
     scene = scene_of(mechanism)
     bare = replace(scene.mechanism, drives=(), rotors=())
     refuse_velocity_rows(bare)
+    bare, adjusted = consistent(scene, bare)
     first, second = _inputs(bare, over)
     request = MapRequest(
         first,
@@ -195,7 +197,7 @@ def atlas(
         request.output,
         request.bar,
         tuple(sheets),
-        _statement(sheets, request),
+        _statement(sheets, request) + (f'; {adjusted}' if adjusted else ''),
     )
 
 
@@ -243,7 +245,7 @@ def _statement(sheets: Sequence[Sheet], request: MapRequest) -> str:
     """How the search was made, and how many starts would find more, by Good and Turing: as many as
     found a circuit that no other start found."""
     tried = sum(sheet.starts for sheet in sheets)
-    fitting = sum(sheet.closed_starts - sheet.mirrored for sheet in sheets)
+    fitting = sum(sheet.closed_starts - sheet.mirrored - sheet.rigid for sheet in sheets)
     circuits = sum(len(sheet.hits) for sheet in sheets)
     once = sum(1 for sheet in sheets for hits in sheet.hits.values() if hits == 1)
     cut = sum(1 for sheet in sheets for piece in sheet.pieces if not piece.piece.complete)
@@ -253,4 +255,7 @@ def _statement(sheets: Sequence[Sheet], request: MapRequest) -> str:
     )
     if once:
         told += f': about {max(1, round(100.0 * once / fitting))} % of more starts would find more'
+    rigid = sum(sheet.rigid for sheet in sheets)
+    if rigid:
+        told += f'; {rigid} closed where redundant constraints let nothing move, of no circuit'
     return told + (f'; {cut} pieces end where they were not followed further' if cut else '')

@@ -103,13 +103,18 @@ def execute(run: RunSpec) -> RunResult:
         bound = one_freedom.GRAVITY * mass * run.bound
         first, *_ = samples = list(sim.run(run.motion.times[-1], at=run.motion.times))
         for sample, q in zip(samples, run.motion.exact(), strict=True):
-            position = max(position, float(np.abs(sample.q - q).max()))
+            position = _larger(position, np.abs(sample.q - q).max())
             if not run.motion.driven:
-                energy = max(energy, abs(sample.energy - first.energy))
-            constraint = max(constraint, sample.diagnostics.position_violation)
+                energy = _larger(energy, abs(sample.energy - first.energy))
+            constraint = _larger(constraint, sample.diagnostics.position_violation)
     except AlfError as error:
         return RunResult(run, math.nan, math.nan, math.nan, bound, str(error))
     return RunResult(run, position, energy, constraint, bound, '', sim.evaluations)
+
+
+def _larger(a: float, b: float) -> float:
+    """The larger of two errors; NaN, which no bound accepts, if one of them is: `max` drops it."""
+    return float(np.maximum(a, b))
 
 
 def observed_order(results: Iterable[RunResult]) -> float:

@@ -29,12 +29,14 @@ function shown(x) {
   return size < 1e-3 || size >= 1e5 ? x.toExponential(2) : x.toPrecision(4);
 }
 
-// For JSON.parse: {f32: text} and {u32: text} are arrays of numbers in base64.
+// For JSON.parse: {f32: text} and {u32: text} are arrays of numbers in base64, from `base` on.
 function unpacked(key, value) {
   const text = value?.f32 ?? value?.u32;
   if (text === undefined) return value;
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return value.f32 === undefined ? new Uint32Array(bytes.buffer) : new Float32Array(bytes.buffer);
+  if (value.f32 === undefined) return new Uint32Array(bytes.buffer);
+  const numbers = new Float32Array(bytes.buffer);
+  return value.base === undefined ? numbers : Float64Array.from(numbers, (x) => x + value.base);
 }
 
 function niceStep(least) {
