@@ -31,10 +31,8 @@ from results_file import RESULTS  # sets the path
 # isort: split
 from alf_ros import Scene, Simulation, load_scene
 from alf_ros.logs.provenance import about
-from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.overrides import with_changes
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
-from alf_ros.studies.gradients.followed_run import FollowedRun
 from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
@@ -134,12 +132,15 @@ def cases() -> Mapping[str, tuple[Scene, tuple[str, ...], str, int]]:
     crank = with_changes(load_scene('slider_crank'), EFFECTS)
     row, masses = row_of_four_bars()
     delta = load_scene('delta_robot')
-    implicit = with_changes(delta, {f'solver.{key}': value for key, value in IMPLICIT.items()})
+    changes = {f'solver.{key}': value for key, value in IMPLICIT.items()}
+    stiff, stiff_row = with_changes(delta, changes), with_changes(row, changes)
+    method = IMPLICIT['integrator']
     return {
         'slider_crank, spring, damper, drag': (crank, TEN['slider_crank'], 'points.B.x', 400),
         'delta_robot': (delta, TEN['delta_robot'], 'points.C.x', 400),
-        f'delta_robot, {IMPLICIT["integrator"]}': (implicit, TEN['delta_robot'], 'points.C.x', 40),
+        f'delta_robot, {method}': (stiff, TEN['delta_robot'], 'points.C.x', 40),
         f'{BARS} four-bars': (row, masses, 'points.B0.x', 200),
+        f'{BARS} four-bars, {method}': (stiff_row, masses, 'points.B0.x', 20),
     }
 
 
@@ -158,13 +159,10 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     reading = seconds(lambda: Simulation(scene, tangents=names)) / len(names)
 
     def back() -> None:
-        for leg in run.go_on(steps):
-            if implicit:  # what no pass goes back from has its state kept
-                list(run.samples([leg.end]))
+        list(run.go_on(steps))
         run.derivatives(number, {RunInstant(steps): 1.0})
 
-    implicit = TABLEAUX[alone.solver.integrator].implicit
-    run = (FollowedRun if implicit else TapedRun)(Simulation(scene), names)
+    run = TapedRun(Simulation(scene), names)
     number = observed_number(of, 'of', alone.sample(), run.displaced)
     found = []
     for turn in range(22):

@@ -5,6 +5,7 @@ differences from the printed equations. `data` defines the data that pass betwee
 """
 
 from alf_ros.kernel.adaptive import advance_adaptively
+from alf_ros.kernel.adjoint_implicit import take_implicit_steps_back
 from alf_ros.kernel.adjoint_step import take_steps_back
 from alf_ros.kernel.applied_forces import (
     add_friction,
@@ -166,6 +167,7 @@ __all__ = [
     'slips',
     'softest',
     'solve',
+    'take_implicit_steps_back',
     'take_steps_back',
     'times_jacobian',
     'turning',

@@ -15,7 +15,7 @@ from alf_ros.kernel.augmented_solve import solved
 from alf_ros.kernel.constraints import add_transposed, jacobian_rate
 from alf_ros.kernel.data import Adjoint
 from alf_ros.kernel.numba_ext.block import add, block, dot, put, subtract
-from alf_ros.kernel.numba_ext.jit import ONE, inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 
@@ -57,7 +57,7 @@ def project_position_back(adjoint: Adjoint) -> int:
             q = w * block(unit, work.q, rows.block[e])
             add(adjoint.b, e, q)
             put(adjoint.g2, e, 0.5 * q)
-            _take_entry_back(adjoint, e, adjoint.g2, work.q)
+    _take_changes_back(adjoint, adjoint.g2, work.q, rows.first[rows.c.size])
     return count
 
 
@@ -109,9 +109,9 @@ def accelerate_back(adjoint: Adjoint) -> int:
             put(g2, e, pull * block(unit, u, at) - w * block(unit, work.qdd, at))
             subtract(adjoint.qd, at, w * block(unit, work.g2d, e))
             put(adjoint.g2v, e, (-w) * block(unit, work.qd, at))
-            _take_rate_back(adjoint, e)
         for e in each(rows.movable[r], rows.first[r + ONE]):
             subtract(adjoint.qdd, rows.block[e], w * block(unit, work.g2, e))
+    _take_terms_back(adjoint, adjoint.g2v, work.qd, adjoint.qd)
     _take_rows_back(adjoint)
     return count
 
@@ -127,45 +127,40 @@ def _take_rows_back(adjoint: Adjoint) -> None:
         subtract(adjoint.q, rows.j[r], d)
     for e in each(0, rows.block.size):
         add(adjoint.b, e, block(unit, adjoint.g2, e))
-        _take_terms_back(adjoint, e, adjoint.g2, work.q, adjoint.q)
+    _take_terms_back(adjoint, adjoint.g2, work.q, adjoint.q)
 
 
 @inner
-def _take_entry_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats) -> None:
-    """∂J/∂(T v) of entry e, in g, into ∂J/∂T, if that is wanted."""
-    problem = adjoint.tangents.problem
-    rows, D = problem.system.rows, np.uint64(len(problem.unit))
+def _take_terms_back(adjoint: Adjoint, g: Floats, v: Floats, bar: Floats) -> None:
+    """∂J/∂(T v) of all entries, in g, into ∂J/∂T, and into ∂J/∂v, in `bar`."""
+    unit, rows = adjoint.tangents.problem.unit, adjoint.tangents.problem.system.rows
+    D, even, term = np.uint64(len(unit)), adjoint.tangents.even, rows.term
+    _take_changes_back(adjoint, g, v, rows.block.size)
+    for e in each(0, rows.block.size):
+        for s in each(rows.first_term[e], rows.first_term[e + ONE]):
+            if even[s] == even[s]:
+                add(bar, rows.term_block[s], even[s] * block(unit, g, e))
+                continue
+            u = g[e * D] * block(unit, term, s * D) + g[e * D + ONE] * block(
+                unit, term, s * D + ONE
+            )
+            if D != TWO:
+                u = u + g[e * D + TWO] * block(unit, term, s * D + TWO)
+            add(bar, rows.term_block[s], u)
+
+
+@inner
+def _take_changes_back(adjoint: Adjoint, g: Floats, v: Floats, entries: np.uint64) -> None:
+    """∂J/∂(T v) of the first entries, in g, into ∂J/∂T, if that is wanted."""
+    rows, D = adjoint.tangents.problem.system.rows, np.uint64(len(adjoint.tangents.problem.unit))
     if adjoint.terms_count[0] == 0:
         return
-    for s in each(rows.first_term[e], rows.first_term[e + ONE]):
-        at = rows.term_block[s] * D
-        for a in range(D):
-            for c in range(D):
-                adjoint.term[(s * D + a) * D + c] += g[e * D + a] * v[at + c]
-
-
-@inner
-def _take_terms_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats, bar: Floats) -> None:
-    """∂J/∂(T v) of entry e, in g, into ∂J/∂T, and into ∂J/∂v, in `bar`."""
-    unit, rows = adjoint.tangents.problem.unit, adjoint.tangents.problem.system.rows
-    D = np.uint64(len(unit))
-    _take_entry_back(adjoint, e, g, v)
-    for s in each(rows.first_term[e], rows.first_term[e + ONE]):
-        even = adjoint.tangents.even[s]
-        if even == even:
-            add(bar, rows.term_block[s], even * block(unit, g, e))
-            continue
-        at = rows.term_block[s] * D
-        for a in range(D):
-            for c in range(D):
-                bar[at + c] += rows.term[(s * D + a) * D + c] * g[e * D + a]
-
-
-@inner
-def _take_rate_back(adjoint: Adjoint, e: np.uint64) -> None:
-    """∂J/∂(T q̇) of entry e, in `g2v`, into ∂J/∂T and ∂J/∂δq̇."""
-    work = adjoint.tangents.problem.work
-    _take_terms_back(adjoint, e, adjoint.g2v, work.qd, adjoint.qd)
+    for e in each(0, entries):
+        for s in each(rows.first_term[e], rows.first_term[e + ONE]):
+            at = rows.term_block[s] * D
+            for a in range(D):
+                for c in range(D):
+                    adjoint.term[(s * D + a) * D + c] += g[e * D + a] * v[at + c]
 
 
 @inner

@@ -14,6 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.adjoint_stage import take_projections_back, take_stage_back
+from alf_ros.kernel.adjoint_sums import take_fixed_back, take_sum_back
 from alf_ros.kernel.arc_coordinates import components, composed
 from alf_ros.kernel.data import ORIGIN, Adjoint
 from alf_ros.kernel.driven_tangents import take_drives_back
@@ -45,6 +46,7 @@ def take_steps_back(adjoint: Adjoint, last: int, first: int) -> int:
     """∂J/∂(q, q̇) behind step `last` of the record, in `bar_q` and `bar_qd`, into that before step
     `first`; returns the result."""
     for back in range(last + 1 - first):
+        adjoint.at[0] = last - back
         result = _take_step_back(adjoint, np.uint64(last - back), back > 0)
         if result != OK:
             return result
@@ -125,25 +127,12 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
 def _add_up_back(adjoint: Adjoint, t: float, s: np.uint64, h: float) -> None:
     """∂J/∂(δq, δq̇) of stage s at t (s) as the step adds them up, or of its end, into the ones of
     its begin and of the rates of the stages before."""
-    problem, rates, start = adjoint.tangents.problem, adjoint.rates, adjoint.start
-    method, work = problem.method, problem.work
-    n, whole, stages = work.p.size, work.q.size, method.b.size
-    restore_axes(adjoint.tape, work, s)
+    restore_axes(adjoint.tape, adjoint.tangents.problem.work, s)
     _from_axes_back(adjoint, adjoint.q)
     _from_axes_back(adjoint, adjoint.qd)
     take_drives_back(adjoint, t)
-    for a in range(n, whole):
-        adjoint.bar_q[a] += adjoint.q[a]
-    for a in range(n):
-        start[a] += adjoint.q[a]
-        start[n + a] += adjoint.qd[a]
-    for m in range(s):
-        weight = h * (method.a[s * stages + m] if s < stages else method.b[m])
-        if weight != 0.0:
-            at = TWO * m * n
-            for a in range(n):
-                rates[at + a] += weight * adjoint.q[a]
-                rates[at + n + a] += weight * adjoint.qd[a]
+    take_fixed_back(adjoint)
+    take_sum_back(adjoint, adjoint.q, adjoint.qd, s, h)
 
 
 @inner

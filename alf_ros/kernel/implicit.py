@@ -22,6 +22,7 @@ from alf_ros.kernel.data import (
     Problem,
     Scales,
     Span,
+    StepRecord,
     System,
     Tangents,
     Work,
@@ -66,6 +67,7 @@ from alf_ros.kernel.step import (
 )
 from alf_ros.kernel.step_error import free_part, judge
 from alf_ros.kernel.step_length import MOST, embedded, relative
+from alf_ros.kernel.step_tape import record_implicit_step
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.trail import leave_trail
@@ -283,6 +285,7 @@ def advance_implicitly(
     span: Span,
     within: bool,
     tangents: Tangents | None = None,
+    record: StepRecord | None = None,
 ) -> tuple[int, int, int]:
     """Like `advance`; a step whose stages do not converge is taken in parts, and with an embedded
     error each in as many as the tolerance of the method takes."""
@@ -349,7 +352,7 @@ def advance_implicitly(
                     continue
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
-            if good and tangents is not None:
+            if good and (tangents is not None or record is not None):
                 part = crossed(problem, phase, begin, dt)
                 length_to = shorter(part, dt, h)
                 if length_to < dt and crossings < CROSSINGS:
@@ -365,6 +368,8 @@ def advance_implicitly(
                     result = carry_implicitly(tangents, problem, phase, begin, to, dt)
                 if result != OK:
                     break
+                if record is not None:
+                    record_implicit_step(record, phase, work, method.b.size, begin, to, dt)
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)

@@ -15,24 +15,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats
+from alf_ros.kernel.conjugate_residuals import MOST, RESTARTS, step_along
 from alf_ros.kernel.data import Phase, Problem, Tangents
-from alf_ros.kernel.data.tangents import DIRECTIONS
 from alf_ros.kernel.driven_tangents import drive_tangents
-from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
+from alf_ros.kernel.effect_jacobians import add_soft_times
+from alf_ros.kernel.implicit_stages import evaluate_again, evaluate_begin
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, expanded, inner
-from alf_ros.kernel.numba_ext.lane_numbers import everywhere, pick
-from alf_ros.kernel.numba_ext.lane_structs import section
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, expanded, inner
+from alf_ros.kernel.numba_ext.lane_numbers import everywhere
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import Lanes
-from alf_ros.kernel.numba_ext.vectors import copy, zero
-from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.stage import stage
-from alf_ros.kernel.status import STOPPED, UNFOLLOWED
-from alf_ros.kernel.step import evaluate_first, scales_of, store_angles
-from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.status import OK, UNFOLLOWED
+from alf_ros.kernel.step import scales_of
 from alf_ros.kernel.tangent_axes import accept_tangents
 from alf_ros.kernel.tangent_lane_solve import FINISH
 from alf_ros.kernel.tangent_solves import (
@@ -43,11 +38,8 @@ from alf_ros.kernel.tangent_solves import (
     project_position,
     project_velocity,
 )
-from alf_ros.kernel.tangent_stage import differentiate, project_tangents, store_multipliers
+from alf_ros.kernel.tangent_stage import differentiate, project_tangents
 
-_NEAREST = 0.01  # distance x to a singular position: rounding e is e / x³ in a derivative
-_RESTARTS = 8  # at most
-_DIRECTIONS = np.uint64(DIRECTIONS)
 _PART = 1e-12  # of the residual that is left before it is computed anew
 # residual of δk that is left, of δk, and of δq̇ / hγ, δq / (hγ)² and what forces do to the masses
 _CONVERGED, _TINY = 1e-14, 1e-17
@@ -68,15 +60,9 @@ def carry_implicitly(
     stages = method.b.size
     if run.aside[0] != 0 or run.aside[1] != 0:
         return UNFOLLOWED
-    zero(system.soft.weight)
-    store_angles(unit, system, work, phase)
-    copy(phase.q, work.q)
-    if not linearise(unit, system, work, work.q):
-        return UNFOLLOWED
-    most, felt = evaluate_first(own, phase, t, tangents.lam)
-    x = felt / system.ordinary
-    if most < 0 or x < _NEAREST:
-        return UNFOLLOWED
+    result, x = evaluate_begin(own, phase, t, tangents.lam)
+    if result != OK:
+        return result
     scales = scales_of(system, work, phase)
     copy(tangents.first_q, tangents.q)
     copy(tangents.first_qd, tangents.qd)
@@ -90,13 +76,10 @@ def carry_implicitly(
         ts = t + method.c[s] * h
         if problem.forces.kinks.instants.size > 0:
             ts = min(ts, problem.forces.kinks.span[1])
-        _begin_stage(own, phase, run.k, ts, s, h)
-        count, x, clear = stage(own, ts, scales, x < np.inf, True)
-        if told_to_stop(work):
-            return STOPPED
-        if count <= 0 or not clear or x < _NEAREST:
-            return UNFOLLOWED
-        store_multipliers(tangents.lam, work.y)
+        near, lam = x < np.inf, tangents.lam
+        result, x = evaluate_again(own, phase, run.k, (ts, h), s, scales, near, lam)
+        if result != OK:
+            return result
         _add_up(tangents, s, h)
         begin_stage(tangents, own, tangents.behind)
         for k in range(tangents.groups):
@@ -112,32 +95,6 @@ def carry_implicitly(
         return UNFOLLOWED
     project_tangents(tangents, own, tangents.behind, FINISH)
     return accept_tangents(tangents, phase)
-
-
-@inner
-def _begin_stage(
-    problem: Problem, phase: Phase, k: Floats, t: float, s: np.uint64, h: float
-) -> None:
-    """q and p' of stage s, M̂ there, and its k, as the step left them in k (stages, 3, n)."""
-    unit, system, method, work = problem.unit, problem.system, problem.method, problem.work
-    n, stages = work.p.size, method.b.size
-    for i in range(n):
-        q, v = 0.0, 0.0
-        for m in range(s):
-            weight = method.a[s * stages + m]
-            q += weight * k[THREE * m * n + i]
-            v += weight * k[THREE * m * n + n + i]
-        gamma = h * method.a[s * stages + s]
-        system.soft.k[i] = k[THREE * s * n + n + i]
-        work.qd[i] = phase.qd[i] + h * v + gamma * system.soft.k[i]
-        work.q[i] = phase.q[i] + h * q + gamma * work.qd[i]
-    prescribe(system, t, work.q, work.qd, work.qdd)
-    weigh(unit, system, problem.forces, work, t, h * method.a[s * stages + s])
-    zero(work.p)
-    add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
-    add_soft_times(unit, system.soft, 1.0, work.qd, work.p)  # (30) with M̂
-    copy(work.q, work.base)
-    copy(work.q, work.target)
 
 
 @inner
@@ -212,7 +169,7 @@ def _solve(tangents: Tangents, k: np.uint64, t: float, gamma: float) -> bool:
     copy(found, x)
     none, mean = 0.0 * found[0], tangents.problem.system.mean
     before = none + np.inf
-    for _ in range(_RESTARTS):
+    for _ in range(RESTARTS):
         _pass(tangents, k, t, gamma, x)
         left, largest, moved = none, none, none
         for a in each(0, n):
@@ -226,46 +183,13 @@ def _solve(tangents: Tangents, k: np.uint64, t: float, gamma: float) -> bool:
             return True
         before = left
         enough = enough + _PART * left
-        for j in range(_DIRECTIONS):
+        for j in range(MOST):
             for a in each(0, n):
                 trial[a] = x[a] + r[a]
             _pass(tangents, k, t, gamma, trial)
             for a in each(0, n):
                 trial[a] += r[a] - found[a]  # what r is mapped to
-            left = _step_along(tangents, j, x, r, trial)
+            left = step_along(tangents.search, n, j, x, r, trial)
             if everywhere(left <= enough):
                 break
     return False
-
-
-@inner
-def _step_along(tangents: Tangents, j: np.uint64, x: Lanes, r: Lanes, image: Lanes) -> Lanes:
-    """x and its residual r (all blocks D,) moved along r, which is mapped to `image`: made
-    direction j. Returns the largest of r."""
-    n, whole, search = tangents.problem.work.p.size, tangents.Q.size, tangents.search
-    p, u = section(search, j * whole, whole), section(search, (_DIRECTIONS + j) * whole, whole)
-    for a in each(0, n):
-        p[a], u[a] = r[a], image[a]
-    for i in range(j):
-        along = section(search, i * whole, whole)
-        to = section(search, (_DIRECTIONS + i) * whole, whole)
-        part = 0.0 * r[0]
-        for a in each(0, n):
-            part += to[a] * u[a]
-        for a in each(0, n):
-            p[a] -= part * along[a]
-            u[a] -= part * to[a]
-    square = 0.0 * r[0]
-    for a in each(0, n):
-        square += u[a] * u[a]
-    scale = 1.0 / np.sqrt(pick(square > 0.0, square, 1.0))
-    part = 0.0 * r[0]
-    for a in each(0, n):
-        p[a], u[a] = scale * p[a], scale * u[a]
-        part += u[a] * r[a]
-    left = 0.0 * r[0]
-    for a in each(0, n):
-        x[a] += part * p[a]
-        r[a] -= part * u[a]
-        left = max(left, abs(r[a]))
-    return left

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.data import Phase, StepRecord, Tangents, Tape, Work
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, inner
 from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.vectors import copy
 
@@ -30,10 +30,61 @@ def record_step(
 
     Its stages are written down already. Steps that do not fit are counted.
     """
+    k = np.uint64(record.count[0])
+    if not _record_ends(record, phase, work, (t, end, h)):
+        return
+    followed = record.followed[0] != 0 and record.followed[1] != 0
+    record.regular[k] = 1 if followed and not _is_beside(work, work.nearest[0]) else 0
+    _record_chart(record, work, stages, k)
+    first = k * np.uint64(SPAN)
+    record.span[first + np.uint64(SIGMA)] = sigma
+    record.span[first + np.uint64(NEAREST)] = work.nearest[0]
+
+
+@inner
+def record_implicit_step(
+    record: StepRecord, phase: Phase, work: Work, stages: np.uint64, t: float, end: float, h: float
+) -> None:
+    """The same of an implicit method, with v and k of its stages."""
+    k, n = np.uint64(record.count[0]), work.p.size
+    if not _record_ends(record, phase, work, (t, end, h)):
+        return
+    record.regular[k] = 0 if _is_beside(work, np.inf) else 1
+    for s in range(stages):
+        at = (k * stages + s) * n
+        for a in range(n):
+            record.stage_qd[at + a] = work.k[THREE * s * n + a]
+            record.stage_qdd[at + a] = work.k[THREE * s * n + n + a]
+
+
+@inner
+def restore_rates(record: StepRecord, work: Work, stages: np.uint64, k: np.uint64) -> None:
+    """v and k of the stages of implicit step k, back into `work`."""
+    n = work.p.size
+    for s in range(stages):
+        at = (k * stages + s) * n
+        for a in range(n):
+            work.k[THREE * s * n + a] = record.stage_qd[at + a]
+            work.k[THREE * s * n + n + a] = record.stage_qdd[at + a]
+
+
+@inner
+def _is_beside(work: Work, nearest: float) -> bool:
+    """Whether a step ended beside a singular position, or a stage of it was so: at a distance
+    `nearest`."""
+    return work.aside[0] != 0 or work.aside[1] != 0 or nearest < np.inf
+
+
+@inner
+def _record_ends(
+    record: StepRecord, phase: Phase, work: Work, interval: tuple[float, float, float]
+) -> bool:
+    """Where a step began and ended, and when (`interval`: begin, end and length, s); whether it
+    fits."""
     k, whole = np.uint64(record.count[0]), work.q.size
     record.count[0] += 1
     if (k + ONE) * whole > record.q.size:
-        return
+        return False
     copy(phase.q, section(record.q, k * whole, whole))
     copy(phase.qd, section(record.qd, k * whole, whole))
     copy(work.q, section(record.ended_q, k * whole, whole))
@@ -42,14 +93,10 @@ def record_step(
         record.turns[k * phase.turns.size + a] = phase.turns[a]
     for a in range(phase.sums.size):
         record.sums[k * phase.sums.size + a] = phase.sums[a]
-    followed = record.followed[0] != 0 and record.followed[1] != 0
-    aside = work.aside[0] != 0 or work.aside[1] != 0 or work.nearest[0] < np.inf
-    record.regular[k] = 1 if followed and not aside else 0
-    _record_chart(record, work, stages, k)
     first = k * np.uint64(SPAN)
-    record.span[first], record.span[first + ONE], record.span[first + TWO] = t, end, h
-    record.span[first + TWO + ONE] = sigma
-    record.span[first + TWO + TWO] = work.nearest[0]
+    for n in range(THREE):
+        record.span[first + n] = interval[n]
+    return True
 
 
 @inner

@@ -12,6 +12,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AlfError, StepError
 from alf_ros.kernel import Adjoint, ForceColumns, ForceTrace, Problem, Status, StepRecord, Tape
+from alf_ros.kernel.data.tangents import DIRECTIONS
 from alf_ros.kernel.numba_ext.lane_structs import aligned
 from alf_ros.kernel.step_tape import SPAN
 from alf_ros.model.compile import Model
@@ -82,7 +83,7 @@ class AdjointFollowing:
     @property
     def bytes_of_step(self) -> int:
         """Memory that one step takes."""
-        return sum(x.nbytes for x in _arrays_of(_record(self._model, 1, self._stages)))
+        return sum(x.nbytes for x in _arrays_of(self._record_of(1)))
 
     def provide(self, steps: int) -> None:
         """Memory for so many steps."""
@@ -91,7 +92,10 @@ class AdjointFollowing:
             self._record = self._empty_record()
 
     def _empty_record(self) -> StepRecord:
-        return _record(self._model, self._steps, self._stages)
+        return self._record_of(self._steps)
+
+    def _record_of(self, steps: int) -> StepRecord:
+        return _record(self._model, steps, self._stages, self._stepper.is_implicit)
 
     def write_down(self, present: Present, n: int) -> None:
         """Take n steps of the grid. Raises StepError, and NoRoom if an adaptive method took more
@@ -150,14 +154,19 @@ class AdjointFollowing:
         assert self._adjoint is not None
         if to >= self._taken:
             return
-        status = Status(kernel.take_steps_back(self._adjoint, self._taken - 1, to))
+        back = kernel.take_steps_back
+        if self._stepper.is_implicit:
+            back = kernel.take_implicit_steps_back
+        status = Status(back(self._adjoint, self._taken - 1, to))
         if status == Status.NO_ROOM:
             self._operations *= 4
             raise NoRoom(status.reason)
         if status == Status.STOPPED:
             self._stepper.listener.answer()
         if status != Status.OK:
-            raise StepError(status.reason, status.remedy, float(self.ends()[-1]))
+            at = int(self._adjoint.at[0])
+            reason, remedy = self._stepper.told(status)
+            raise StepError(reason, remedy, float(self._record.span[at * SPAN]))
         self._taken = to
 
     def taken_back(self) -> TakenBack:
@@ -174,10 +183,12 @@ class AdjointFollowing:
         return TakenBack(of.bar_q.copy(), of.bar_qd.copy(), arrays, params)
 
     def _forces(self, applied: Applied) -> tuple[ForceColumns, ForceTrace]:
-        """The columns or the traces by which forces are differentiated; the other one is empty."""
+        """The columns or the traces by which forces are differentiated; the other one is empty.
+        In an implicit stage, a trace is written once and read several times."""
         model = self._model
         numbers, whole = leaves_of(model, applied, self._products), model.q.size
-        if fit_columns(applied.assembled.effects, whole, numbers):
+        fit = not self._stepper.is_implicit
+        if fit and fit_columns(applied.assembled.effects, whole, numbers):
             none = np.zeros_like(applied.assembled.effects.force)
             return columns_of(applied, whole, numbers), empty_trace(model, none, numbers, 0)
         force = traced_forces(applied)
@@ -194,6 +205,7 @@ class AdjointFollowing:
             **{name: getattr(system.mass, name.removeprefix('mass_')).size for name in SUMS[:3]},
             **{name: getattr(system.rows, name).size for name in SUMS[3:]},
             'of_trace': leaves + trace.slopes.size // 2,
+            'search': 2 * DIRECTIONS * whole if self._stepper.is_implicit else 0,
             'start': 2 * n,
             'rates': 2 * stages * n,
             'g': work.g.size,
@@ -234,6 +246,7 @@ class AdjointFollowing:
                 projected=np.zeros(1, dtype=np.int64),
                 **{name: np.zeros(size) for name, size in tape.items()},
             ),
+            at=np.zeros(1, dtype=np.int64),
             terms_count=np.array([int(terms)]),
             drive=np.zeros(self._numbers_of_drives),
             drive_seeds=seeds(numbers, COLUMNS),
@@ -252,7 +265,7 @@ _WHOLE = (
 )
 
 
-def _record(model: Model, steps: int, stages: int) -> StepRecord:
+def _record(model: Model, steps: int, stages: int, implicit: bool) -> StepRecord:
     system, whole, n, D = model.system, model.q.size, model.n, model.layout.dimension
     blocks, rows = n // D, system.rows.alpha.size
     sizes = {
@@ -265,6 +278,10 @@ def _record(model: Model, steps: int, stages: int) -> StepRecord:
         **dict.fromkeys(('t', 'n'), n),
         'b': n if D == 3 else 0,
     }
+    if implicit:
+        kept = ('q', 'qd', 'ended_q', 'ended_qd')
+        sizes = {name: size if name in kept else 0 for name, size in sizes.items()}
+        sizes.update(stage_qd=stages * n, stage_qdd=stages * n)
     return StepRecord(
         count=np.zeros(1, dtype=np.int64),
         turns=np.zeros(steps * (system.angles.c.size // 2), dtype=np.int64),

@@ -418,15 +418,6 @@ class Simulation:
         self._set_up(self.solver)
         self._enter(state, self._stepper.applied)
 
-    def _follow(self, following: TangentFollowing, from_start: bool) -> None:
-        """From here on steps have tangents: the ones of the start, or of a state that is given."""
-        state, self._following = self._present.state(), following
-        self._set_up(self.solver)
-        first = following.initial
-        tangents = first if from_start else np.zeros_like(first)
-        self._initial = replace(self._initial, tangents=first)
-        self._enter(replace(state, tangents=tangents), self._stepper.applied)
-
     @by_one_thread
     def _write_down(self, adjoint: AdjointFollowing, n: int) -> None:
         """n steps, written down. Raises StepError."""

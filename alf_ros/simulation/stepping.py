@@ -79,7 +79,7 @@ class Stepper:
             method.b if ledger else None,
             AskedFunctions(
                 tangents=tableau.implicit,
-                sides=following is not None or (adaptive or written) and not tableau.implicit,
+                sides=following is not None or written or (adaptive and not tableau.implicit),
                 intervals=solver.formulation == 'alf2',
                 instants=adaptive,
                 ends=not (adaptive or written or following is not None),
@@ -294,9 +294,7 @@ class Stepper:
             found = self._too_stiff(status, present)
         if found is not None:
             return StepError(*found, t)
-        reason, remedy = status.reason, status.remedy
-        if status == Status.UNFOLLOWED and self.is_implicit:
-            remedy = 'beside a singular position they follow explicit integrators alone'
+        reason, remedy = self.told(status)
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
         if status == Status.NOT_CLOSED:
@@ -309,6 +307,13 @@ class Stepper:
             longest = self.resolution_later(present.applied)().adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return StepError(reason, remedy, t)
+
+    def told(self, status: Status) -> tuple[str, str]:
+        """Reason and remedy of a status."""
+        remedy = status.remedy
+        if status == Status.UNFOLLOWED and self.is_implicit:
+            remedy = 'beside a singular position they follow explicit integrators alone'
+        return status.reason, remedy
 
     def _too_stiff(self, status: Status, present: Present) -> tuple[str, str] | None:
         """Reason and remedy, if an effect is too stiff for the step from the present."""

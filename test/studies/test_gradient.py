@@ -17,7 +17,6 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.adjoint_following import AdjointFollowing
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
-from alf_ros.studies.gradients.followed_run import FollowedRun
 from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
@@ -151,7 +150,7 @@ def test_numbers_of_a_run(
 
 @pytest.mark.parametrize('n', range(len(OBSERVED)))
 def test_numbers_of_an_implicit_run(robot: Scene, n: int) -> None:
-    """The same gradient, from tangents instead of an adjoint."""
+    """Against the gradient of an explicit run."""
     found, expected = (
         gradient(
             Simulation(robot, integrator=integrator, tolerance=tolerance),
@@ -164,22 +163,6 @@ def test_numbers_of_an_implicit_run(robot: Scene, n: int) -> None:
     )
     for name in CHANGED:
         assert found.by[name] == pytest.approx(expected.by[name], rel=1e-5, abs=1e-8), name
-
-
-def test_an_implicit_run_too_long_to_be_kept(robot: Scene) -> None:
-    """It is made again, with the same bits."""
-    found, instants = [], {RunInstant(n): 0.1 * n for n in range(1, 41)}
-    for memory in (1e9, 1e5, 0.0):
-        simulation = Simulation(robot, integrator='esdirk43_adaptive')
-        run = FollowedRun(simulation, CHANGED, memory)
-        number = observed_number('points.B.x', 'of', simulation.sample(), run.displaced)
-        for steps in (25, 15):
-            for leg in run.go_on(steps):
-                list(run.samples(range(leg.state.step + 1, leg.end + 1)))
-        found.append(run.derivatives(number, instants).tobytes())
-        run.restart()
-        assert simulation.step_index == 0
-    assert found[0] == found[1] == found[2]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from alf_ros.kernel.numba_ext.structs import Lanes, Struct
 @dataclass(frozen=True, eq=False)
 class StepRecord(Struct):
     """Accepted steps, each with the states where it began and ended; at most C of them. Of a step
-    without a stage beside a singular position the stages are kept too."""
+    without a stage beside a singular position the stages are kept too; of an implicit method only
+    their rates, v and k of the movable blocks."""
 
     count: Integers  # (1,) steps taken, also those that did not fit
     q: Floats  # (C, all blocks D) where the step began
@@ -92,6 +93,7 @@ class Adjoint(Struct):
     phase: Phase  # where a step began
     record: StepRecord
     tape: Tape
+    at: Integers  # (1,) the step that is taken back
     columns: ForceColumns  # of small mechanisms
     trace: ForceTrace  # of all others
     bar_q: Floats  # (all blocks D,) ∂J/∂q of the state; of fixed blocks the sum over all stages
@@ -117,10 +119,10 @@ class Adjoint(Struct):
     q: Floats  # (all blocks D,) of δq of the stage
     qd: Floats  # (all blocks D,) of δq̇
     qdd: Floats  # (all blocks D,) of δq̈
-    whole_q: Floats  # (all blocks D,) of an interpolated stage
+    whole_q: Floats  # (all blocks D,) of an interpolated stage; of an implicit one for its solve
     whole_qd: Floats  # (all blocks D,)
     whole_qdd: Floats  # (all blocks D,)
-    begun_q: Floats  # (all blocks D,) of δq and δq̇ before it is interpolated
+    begun_q: Floats  # (all blocks D,) of δq and δq̇ before it is interpolated, or without δk
     begun_qd: Floats  # (all blocks D,)
     pushed: Floats  # (all blocks D,) of δQ of that stage
     u: Floats  # (all blocks D,) of the forces of a solve
@@ -129,3 +131,4 @@ class Adjoint(Struct):
     g2: Floats  # (entries D,)
     g2v: Floats  # (entries D,) of δΦ̇_q
     x: Floats  # (all blocks D,)
+    search: Floats  # (2, DIRECTIONS, all blocks D) of a stage, if implicit

@@ -16,7 +16,6 @@ from alf_ros.errors import InputError
 from alf_ros.logs.input_faults import check_motion, checked_journal, shows_states
 from alf_ros.logs.log import Log, load
 from alf_ros.logs.rerun import Rerun
-from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
@@ -24,7 +23,6 @@ from alf_ros.simulation.explicit_choice import explicit_solver
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.tangent_following import checked_names
-from alf_ros.studies.gradients.followed_run import FollowedRun
 from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.observed_number import ObservedNumber, observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
@@ -148,8 +146,7 @@ def _gradient(
         names = checked_names(by)
         if not names:
             raise InputError('by no number', key='by', expected='names of numbers of the scene')
-        implicit = TABLEAUX[simulation.solver.integrator].implicit
-        run = FollowedRun(simulation, names) if implicit else TapedRun(simulation, names)
+        run = TapedRun(simulation, names)
     except InputError as error:
         raise error.about(str(error.key).replace('tangents', 'by')) from None
     fold, number, unit = _objective(of, simulation.sample(), run.displaced)
@@ -171,7 +168,7 @@ def _gradient(
 
 
 def _sampled(
-    run: FollowedRun | TapedRun,
+    run: TapedRun,
     number: ObservedNumber,
     simulation: Simulation,
     stretches: Iterator[_Stretch],

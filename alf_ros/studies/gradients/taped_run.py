@@ -12,8 +12,6 @@ from dataclasses import replace
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
-from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.simulation.adjoint_following import AdjointFollowing, NoRoom, TakenBack
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -28,16 +26,12 @@ _INNER = 16  # steps of an adaptive method for one of the grid, at first
 class TapedRun(RunOfLegs):
     """The run of a simulation from its present on, which it moves.
 
-    Raises InputError for names that the motion has no derivative by, and for an implicit
-    integrator, whose steps no adjoint takes back.
+    Raises InputError for names that the motion has no derivative by.
     """
 
     def __init__(
         self, simulation: Simulation, names: Sequence[str], memory: float = _MEMORY
     ) -> None:
-        integrator = simulation.solver.integrator
-        if TABLEAUX[integrator].implicit:
-            raise InputError('implicit steps are not taken back', key='by', value=integrator)
         simulation._begin_writing()
         super().__init__(simulation, names)
         solver = simulation.solver
