@@ -124,7 +124,7 @@ def test_it_pauses_seeks_changes_its_rate_and_loops(peer, log):
         peer.until(lambda: True, '')
         count = len(heard)
         assert replayed.set_to('seek', 0.1).successful
-        assert replayed.set_to('rate', 2.0).successful
+        assert replayed.set_to('rate', 0.5).successful  # a busy reader loses none
         assert len(heard) - count < 10  # what was under way
         replayed.play()
         peer.until(lambda: 100_000_000 in replayed.stamps, 'the place')

@@ -29,18 +29,18 @@ class _NoEnvironment:
         """Nothing: there is no machine code that could use it."""
 
 
-class Part:
+class CodePart:
     """The LLVM code of one function, without the code of the functions that it calls."""
 
-    _read: WeakValueDictionary[bytes, Part] = WeakValueDictionary()  # by their texts
-    _others: WeakKeyDictionary[CPUCodeLibrary, Part] = WeakKeyDictionary()
+    _read: WeakValueDictionary[bytes, CodePart] = WeakValueDictionary()  # by their texts
+    _others: WeakKeyDictionary[CPUCodeLibrary, CodePart] = WeakKeyDictionary()
 
     def __init__(self, module: Any, text: bytes | None = None) -> None:
         self._module, self._text = module, text
         self._reload_init: set[Any] = set()  # numba looks here; only parallel code has some
 
     @classmethod
-    def read(cls, text: bytes) -> Part:
+    def read(cls, text: bytes) -> CodePart:
         """The part with a text: one for all functions that need it."""
         part = cls._read.get(text)
         if part is None:
@@ -48,7 +48,7 @@ class Part:
         return part
 
     @classmethod
-    def of(cls, library: CPUCodeLibrary) -> list[Part]:
+    def of(cls, library: CPUCodeLibrary) -> list[CodePart]:
         """The parts of a library; a function that Python may call too is one part."""
         if isinstance(library, InnerLibrary):
             return library.parts
@@ -74,7 +74,7 @@ class InnerLibrary(JITCodeLibrary):
     """The code of one function and of all that it calls, in parts: in the function that Python
     calls in the end they come together, each once."""
 
-    def __init__(self, codegen: Any, name: str, parts: Sequence[Part] = ()) -> None:
+    def __init__(self, codegen: Any, name: str, parts: Sequence[CodePart] = ()) -> None:
         super().__init__(codegen, name)
         self.parts = list(parts)
         self._whole: Any = None
@@ -92,9 +92,9 @@ class InnerLibrary(JITCodeLibrary):
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 function.linkage = 'linkonce_odr'
         self._finalize_dynamic_globals()
-        found = [Part(self._final_module)]
+        found = [CodePart(self._final_module)]
         for each in self._linking_libraries:
-            found += [each] if isinstance(each, Part) else Part.of(each)
+            found += [each] if isinstance(each, CodePart) else CodePart.of(each)
             self._dynamic_globals += getattr(each, '_dynamic_globals', ())
         self.parts = _callers_first(found)
         self._finalized = True
@@ -124,7 +124,7 @@ class InnerLibrary(JITCodeLibrary):
     def _unserialize(cls, codegen: Any, state: Any) -> Any:
         name, _, packed = state
         texts = pickle.loads(zlib.decompress(packed))
-        return cls(codegen, name, [Part.read(text) for text in texts])
+        return cls(codegen, name, [CodePart.read(text) for text in texts])
 
 
 def add_parts(self: CPUCodeLibrary, library: CPUCodeLibrary) -> None:
