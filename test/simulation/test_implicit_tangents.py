@@ -16,10 +16,10 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.exact.exact_tangents import slider_crank
 from support.some_scenes import SOME_SCENES
+from support.stiff_effects import STIFF, driven_rod, stiff_four_bar
 
 FINE: dict[str, Any] = {'integrator': 'dop853_adaptive', 'tolerance': 1e-11}
 IMPLICIT: dict[str, Any] = {'integrator': 'esdirk43_adaptive', 'tolerance': 1e-9}
-GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
 
 
 def errors(seconds: float, **settings: Any) -> tuple[float, dict[str, float]]:
@@ -52,74 +52,9 @@ def test_order_of_convergence() -> None:
         assert error <= 100.0 * coarse[0], name
 
 
-STIFF: dict[str, Any] = {
-    'spring and damper': (
-        {
-            **GRAVITY,
-            'spring': {
-                'hold': {
-                    'between': ['ground', 'coupler'],
-                    'at': [[0.3, 1.0], None],
-                    'stiffness': 1e5,
-                    'free_length': 0.5,
-                }
-            },
-            'damper': {
-                'loss': {
-                    'between': ['ground', 'coupler'],
-                    'at': [[0.3, 1.0], None],
-                    'damping': 200.0,
-                }
-            },
-        },
-        ['hold.stiffness', 'loss.damping', 'coupler.mass', 'gravity.acceleration.1'],
-    ),
-    'stop': (
-        {
-            **GRAVITY,
-            'joint_stop': {
-                'end': {'joint': 'crank_pin', 'lower': 0.9, 'stiffness': 2e4, 'damping': 0.2}
-            },
-        },
-        ['coupler.mass', 'end.stiffness', 'end.lower', 'end.damping'],
-    ),
-    'motor': (
-        {
-            **GRAVITY,
-            'motor': {
-                'm': {
-                    'joint': 'crank_pin',
-                    'position': 0.5,
-                    'velocity': 0.0,
-                    'position_gain': 500.0,
-                    'velocity_gain': 20.0,
-                }
-            },
-        },
-        ['coupler.mass', 'm.position_gain', 'm.velocity_gain', 'm.position'],
-    ),
-    'friction': (
-        {
-            **GRAVITY,
-            'joint_friction': {
-                'f': {
-                    'joint': 'crank_pin',
-                    'viscous': 3.0,
-                    'dynamic': 0.3,
-                    'load': 10.0,
-                    'slip': 0.01,
-                }
-            },
-        },
-        ['f.viscous', 'f.dynamic', 'f.slip', 'coupler.mass'],
-    ),
-}
-
-
 @pytest.mark.parametrize('kind', STIFF)
 def test_stiff_effects(kind: str) -> None:
-    effects, names = STIFF[kind]
-    scene = load_scene({'mechanism': 'four_bar', 'solver': {'step': 5e-3}, 'effects': effects})
+    scene, names = stiff_four_bar(kind)
     found, expected = (Simulation(scene, tangents=names, **s) for s in (IMPLICIT, FINE))
     for each in (found, expected):
         each.step(100)
@@ -130,25 +65,7 @@ def test_stiff_effects(kind: str) -> None:
 
 
 def test_drives() -> None:
-    scene = load_scene(
-        {
-            'mechanism': {
-                'alf': 1,
-                'parameters': {'w': 2.0},
-                'points': {'P': {'at': [0, 0]}, 'A': {'at': [0.8, -0.6]}},
-                'bodies': {'rod': {'points': ['P', 'A'], 'mass': 1, 'inertia': 'rod'}},
-            },
-            'drives': {'cart': {'point': 'P', 'at': ['0.3*sin(w*t)', '0*t']}},
-            'effects': {
-                **GRAVITY,
-                'damper': {
-                    'd': {'between': ['ground', 'rod'], 'at': [[0, -2], None], 'damping': 300.0}
-                },
-            },
-            'solver': {'step': 1e-2},
-        }
-    )
-    names = ['w', 'rod.mass', 'd.damping']
+    scene, names = driven_rod()
     found, expected = (Simulation(scene, tangents=names, **s) for s in (IMPLICIT, FINE))
     for each in (found, expected):
         each.step(60)
@@ -189,8 +106,7 @@ def test_lengths_of_a_robot_in_space() -> None:
 
 @pytest.mark.parametrize('integrator', ['esdirk43', 'esdirk43_adaptive'])
 def test_the_run_keeps_its_bits(integrator: str) -> None:
-    effects, names = STIFF['spring and damper']
-    scene = load_scene({'mechanism': 'four_bar', 'solver': {'step': 5e-3}, 'effects': effects})
+    scene, names = stiff_four_bar('spring and damper')
     plain = Simulation(scene, integrator=integrator)
     followed = Simulation(scene, integrator=integrator, tangents=names)
     for each in (plain, followed):
@@ -202,8 +118,7 @@ def test_the_run_keeps_its_bits(integrator: str) -> None:
 
 def test_fixed_steps_against_differences_of_themselves() -> None:
     """The change of M̂ in projections is not followed: a small part of the error of the step."""
-    effects, _ = STIFF['spring and damper']
-    scene = load_scene({'mechanism': 'four_bar', 'solver': {'step': 5e-4}, 'effects': effects})
+    scene, _ = stiff_four_bar('spring and damper', step=5e-4)
     name = 'coupler.mass'
 
     def moved(mass: float) -> Floats:

@@ -18,62 +18,12 @@ from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
 from support.dot_products import dot_products
 from support.some_scenes import SOME_SCENES
+from support.stiff_effects import STIFF, driven_rod, stiff_four_bar
 from support.tangent_robot import NUMBERS, ROBOT
 
-GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
 FIXED: dict[str, Any] = {'integrator': 'esdirk43'}
 ADAPTIVE: dict[str, Any] = {'integrator': 'esdirk43_adaptive', 'tolerance': 1e-7}
 BOTH = pytest.mark.parametrize('settings', [FIXED, ADAPTIVE], ids=['fixed', 'adaptive'])
-EFFECTS: dict[str, Any] = {
-    'spring and damper': (
-        {
-            'spring': {
-                'hold': {
-                    'between': ['ground', 'coupler'],
-                    'at': [[0.3, 1.0], None],
-                    'stiffness': 1e5,
-                    'free_length': 0.5,
-                }
-            },
-            'damper': {
-                'loss': {
-                    'between': ['ground', 'coupler'],
-                    'at': [[0.3, 1.0], None],
-                    'damping': 200.0,
-                }
-            },
-        },
-        ['hold.stiffness', 'hold.free_length', 'loss.damping', 'coupler.mass'],
-    ),
-    'friction': (
-        {
-            'joint_friction': {
-                'f': {
-                    'joint': 'crank_pin',
-                    'viscous': 3.0,
-                    'dynamic': 0.3,
-                    'load': 10.0,
-                    'slip': 0.01,
-                }
-            }
-        },
-        ['f.viscous', 'f.dynamic', 'f.slip', 'gravity.acceleration.1'],
-    ),
-    'stop that is met': (
-        {
-            'joint_stop': {
-                'end': {'joint': 'crank_pin', 'lower': 0.9, 'stiffness': 2e4, 'damping': 0.2}
-            }
-        },
-        ['end.stiffness', 'end.lower', 'end.damping', 'coupler.mass'],
-    ),
-}
-
-
-def four_bar(kind: str) -> tuple[Scene, list[str]]:
-    effects, names = EFFECTS[kind]
-    data = {'mechanism': 'four_bar', 'solver': {'step': 5e-3}, 'effects': {**GRAVITY, **effects}}
-    return load_scene(data), names
 
 
 @pytest.fixture(scope='module')
@@ -84,9 +34,9 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 @BOTH
-@pytest.mark.parametrize('kind', EFFECTS)
+@pytest.mark.parametrize('kind', STIFF)
 def test_equals_the_tangents_with_stiff_effects(kind: str, settings: dict[str, Any]) -> None:
-    scene, names = four_bar(kind)
+    scene, names = stiff_four_bar(kind)
     expected, found, size = dot_products(scene, names, 100, **settings)
     assert (size > 0.0).all()
     assert (np.abs(found - expected) <= 1e-11 * size).all()
@@ -121,25 +71,8 @@ def test_equals_the_tangents_of_a_robot_in_space(settings: dict[str, Any]) -> No
 
 @BOTH
 def test_equals_the_tangents_with_a_drive(settings: dict[str, Any]) -> None:
-    scene = load_scene(
-        {
-            'mechanism': {
-                'alf': 1,
-                'parameters': {'w': 2.0},
-                'points': {'P': {'at': [0, 0]}, 'A': {'at': [0.8, -0.6]}},
-                'bodies': {'rod': {'points': ['P', 'A'], 'mass': 1, 'inertia': 'rod'}},
-            },
-            'drives': {'cart': {'point': 'P', 'at': ['0.3*sin(w*t)', '0*t']}},
-            'effects': {
-                **GRAVITY,
-                'damper': {
-                    'd': {'between': ['ground', 'rod'], 'at': [[0, -2], None], 'damping': 300.0}
-                },
-            },
-            'solver': {'step': 1e-2},
-        }
-    )
-    expected, found, size = dot_products(scene, ['w', 'rod.mass', 'd.damping'], 60, **settings)
+    scene, names = driven_rod()
+    expected, found, size = dot_products(scene, names, 60, **settings)
     assert (np.abs(found - expected) <= 1e-11 * size).all()
 
 
@@ -171,7 +104,7 @@ def is_number(scene: Scene, name: str) -> bool:
 def test_against_differences_of_runs(of: str, name: str) -> None:
     """Of sixth order, with the error of the motion: lengths of adaptive steps change from run to
     run."""
-    scene, _ = four_bar('spring and damper')
+    scene, _ = stiff_four_bar('spring and damper')
     settings: dict[str, Any] = {'integrator': 'esdirk43_adaptive', 'tolerance': 1e-10}
 
     def value(change: float) -> float:
@@ -190,7 +123,7 @@ def test_against_differences_of_runs(of: str, name: str) -> None:
 
 def test_inputs_that_are_held() -> None:
     """From a state on the way, with a wrench held."""
-    scene, _ = four_bar('spring and damper')
+    scene, _ = stiff_four_bar('spring and damper')
     names = ['coupler.mass', 'hold.stiffness', 'loss.damping']
     on_the_way = Simulation(scene, **FIXED)
     on_the_way.step(10)
@@ -210,7 +143,7 @@ def test_inputs_that_are_held() -> None:
 @BOTH
 def test_the_steps_keep_their_bits(settings: dict[str, Any]) -> None:
     """Where no kink is crossed."""
-    scene, names = four_bar('spring and damper')
+    scene, names = stiff_four_bar('spring and damper')
     written, plain = Simulation(scene, **settings), Simulation(scene, **settings)
     list(TapedRun(written, names).go_on(30))
     plain.step(30)
@@ -220,7 +153,7 @@ def test_the_steps_keep_their_bits(settings: dict[str, Any]) -> None:
 
 def test_in_legs() -> None:
     """A run in many legs, of which one at a time is in memory, has the same derivatives."""
-    scene, names = four_bar('spring and damper')
+    scene, names = stiff_four_bar('spring and damper')
     weights = {RunInstant(60): 1.0, RunInstant(31): 0.5, RunInstant(0, begins=True): 2.0}
     found = []
     for memory, count in ((1e9, 1), (1.0, 60)):
@@ -233,7 +166,7 @@ def test_in_legs() -> None:
 
 def test_records_and_traces_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Too little memory is noticed, and the leg repeated."""
-    scene, names = four_bar('spring and damper')
+    scene, names = stiff_four_bar('spring and damper')
     simulation, of = Simulation(scene, **ADAPTIVE), 'final(points.B.x)'
     expected = gradient(simulation, of, names, duration=0.2)
     monkeypatch.setattr('alf_ros.simulation.adjoint_following.OPERATIONS', 1)
