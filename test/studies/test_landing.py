@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -108,6 +109,26 @@ def test_a_sample_is_the_same_from_a_state_kept(integrator: str) -> None:
         assert np.array_equal(sim.state.q, again.state.q)
 
 
+@cache
+def stopped(beyond: float) -> tuple[Scene, tuple[float, ...]]:
+    """A crank with a stiff stop so far beyond the position, and its angles every 0.05 s."""
+    stop, stiffness, theta, rate = math.pi / 2 + beyond, 1e7, 1.2, 3.0
+
+    def rates(t: float, y: Floats) -> tuple[float, float]:
+        push = stiffness * max(0.0, y[0] - stop) ** 1.5 / (2 / 3 + 2 * math.sin(y[0]) ** 2)
+        return y[1], CRANK.acceleration(y[0], y[1]) - push
+
+    times = np.array([0.05, 0.1, 0.15, 0.2, 0.25, 0.3])
+    found = solve_ivp(
+        rates, (0, 0.3), (theta, rate), 'DOP853', times, rtol=1e-11, atol=1e-13, max_step=5e-5
+    )
+    effects = {
+        'gravity': {'acceleration': [0, -one_freedom.GRAVITY]},
+        'joint_stop': {'joint': 'crank_pin', 'upper': stop, 'stiffness': stiffness},
+    }
+    return crank_scene(theta, rate, effects), tuple(found.y[0])
+
+
 @pytest.mark.parametrize('beyond', [3e-3, 1e-3, -3e-3])
 @pytest.mark.parametrize(
     ('integrator', 'tolerance'),
@@ -122,24 +143,9 @@ def test_a_stiff_stop_beside_the_position(
     beyond: float, integrator: str, tolerance: float
 ) -> None:
     """The error falls with the tolerance: nothing is interpolated across the stop."""
-    stop, stiffness, theta, rate = math.pi / 2 + beyond, 1e7, 1.2, 3.0
-    times = np.array([0.05, 0.1, 0.15, 0.2, 0.25, 0.3])
-
-    def rates(t: float, y: Floats) -> tuple[float, float]:
-        push = stiffness * max(0.0, y[0] - stop) ** 1.5 / (2 / 3 + 2 * math.sin(y[0]) ** 2)
-        return y[1], CRANK.acceleration(y[0], y[1]) - push
-
-    found = solve_ivp(
-        rates, (0, 0.3), (theta, rate), 'DOP853', times, rtol=1e-11, atol=1e-13, max_step=5e-5
-    )
-    effects = {
-        'gravity': {'acceleration': [0, -one_freedom.GRAVITY]},
-        'joint_stop': {'joint': 'crank_pin', 'upper': stop, 'stiffness': stiffness},
-    }
-    sim = Simulation(
-        crank_scene(theta, rate, effects), step=0.05, integrator=integrator, tolerance=tolerance
-    )
-    for angle in found.y[0]:
+    scene, angles = stopped(beyond)
+    sim = Simulation(scene, step=0.05, integrator=integrator, tolerance=tolerance)
+    for angle in angles:
         sim.step()
         assert sim.sample().q == pytest.approx(CRANK.position(angle), abs=150 * tolerance)
 

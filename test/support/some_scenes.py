@@ -26,4 +26,5 @@ _KINDS = [
     'wiper',
 ]
 _ALL = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
-SOME_SCENES = _ALL if os.environ.get('ALF_ROS_LONG') else _KINDS
+LONG = bool(os.environ.get('ALF_ROS_LONG'))  # all cases, also of tests that know no scenes
+SOME_SCENES = _ALL if LONG else _KINDS
