@@ -167,11 +167,11 @@ def test_noise_has_its_statistics_and_belongs_to_the_step() -> None:
     }
     noisy = [Sensors(pendulum(imu={**said, 'seed': seed})) for seed in (1, 1, 2)]
     clean = pendulum(imu={'body': 'rod'})
-    simulation = Simulation(clean)
+    simulation, without = Simulation(clean), Sensors(clean)
 
     def errors() -> list[Floats]:
         sample = simulation.sample()
-        exact, *found = (each.read(sample)['imu'] for each in (Sensors(clean), *noisy))
+        exact, *found = (each.read(sample)['imu'] for each in (without, *noisy))
         keys = 'angular_velocity', 'linear_acceleration'
         return [np.concatenate([each[key] - exact[key] for key in keys]) for each in found]
 
