@@ -59,7 +59,7 @@ if 'PYTEST_XDIST_WORKER' in os.environ:  # the process that starts the workers h
 def pytest_addoption(parser: pytest.Parser) -> None:
     """How many scene files with mistakes test/scene/test_mutants.py tries, and how often each
     process of an ensemble is killed (test/studies/test_ensemble_kills.py)."""
-    parser.addoption('--mutants', type=int, default=50, metavar='N')
+    parser.addoption('--mutants', type=int, default=100, metavar='N')
     parser.addoption('--kills', type=int, default=1, metavar='N')
 
 

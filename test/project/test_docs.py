@@ -16,10 +16,11 @@ from alf_ros import effects, resources
 from alf_ros.commands import COMMANDS
 from alf_ros.model import joints
 from support.paths import ROOT
+from support.some_scenes import LONG, SOME_SCENES
 
 SITE = ROOT / 'doc' / 'site'
 BUILD = [sys.executable, str(SITE / 'build.py')]
-SCENES = ('bricard', 'slider_crank')  # of the gallery; `make docs` shows all
+SCENES = SOME_SCENES if LONG else ['bricard', 'slider_crank']  # of the gallery
 
 
 @pytest.fixture(scope='module')

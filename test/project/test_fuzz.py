@@ -18,8 +18,8 @@ from campaign import campaign
 from worker import HARNESSES, harness
 
 CORPUS = {name: sorted((DATA / 'fuzz' / name).glob('*')) for name in HARNESSES}
-CASES = {'expressions': 2000, 'tables': 300, 'states': 50, 'robots': 12, 'scenes': 6}
-CASES |= {'logs': 4, 'commands': 6, 'services': 10}
+CASES = {'expressions': 3000, 'tables': 500, 'states': 100, 'robots': 20, 'scenes': 10}
+CASES |= {'logs': 5, 'commands': 10, 'services': 10}
 
 
 @pytest.mark.parametrize('name', [name for name in HARNESSES if CORPUS[name]])

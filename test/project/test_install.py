@@ -18,7 +18,6 @@ from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, read_log
-from support.some_scenes import LONG
 
 PACKAGE = ROOT / 'package.xml'
 
@@ -84,35 +83,17 @@ def test_with_numpy_1(tmp_path):
     subprocess.run([*pip, '-r', ROOT / 'requirements/numpy1.txt'], check=True)
     show = [python, '-c', 'import numpy; print(numpy.__version__)']
     assert subprocess.run(show, capture_output=True, text=True).stdout.startswith('1.26')
-    # Compiled anew for this numpy; LLVM, which knows no numpy, optimises less, for the time. With
-    # ALF_ROS_LONG=1 the node too, whose log is read and repeated: it takes as long again.
+    # compiled anew for this numpy, once; LLVM, which knows no numpy, optimises less, for the time
     less = {'NUMBA_OPT': '1'}
-    simulation = Simulation(load_scene('slider_crank'))
-    if LONG:
-        run(python, tmp_path, 'simulator', '--duration', '0.1', **less)
-        (path,) = tmp_path.glob('logs/*/*.mcap')
-        log = load(path)
-        assert log.damage == '' and len(log.states.t) == 51
-        assert 'EQUAL' in run(python, tmp_path, 'verify', str(path), **less)
-        reached, steps = log.states.q[-1], 100
-    else:
-        code = (
-            'from alf_ros import Simulation, load_scene\n'
-            'each = Simulation(load_scene("slider_crank"))\n'
-            'each.step(3)\n'
-            'print(*map(repr, each.sample().q.tolist()))'
-        )
-        printed = subprocess.run(
-            [python, '-c', code],
-            env={**os.environ, 'PYTHONPATH': str(ROOT), **less},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        reached, steps = [float(each) for each in printed.split()], 3
+    run(python, tmp_path, 'simulator', '--duration', '0.1', **less)
+    (path,) = tmp_path.glob('logs/*/*.mcap')
+    log = load(path)
+    assert log.damage == '' and len(log.states.t) == 51
+    assert 'EQUAL' in run(python, tmp_path, 'verify', str(path), **less)
     # numpy 2 adds up some products in another order: the same but for rounding
-    simulation.step(steps)
-    assert reached == pytest.approx(simulation.sample().q, abs=1e-12)
+    simulation = Simulation(load_scene('slider_crank'))
+    simulation.step(100)
+    assert log.states.q[-1] == pytest.approx(simulation.sample().q, abs=1e-12)
 
 
 def test_bloom_and_rosdep_find_what_they_ask_for():

@@ -22,6 +22,7 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation import setup as settings
 from support.arm import arm
 from support.log_files import Retold, make, rewritten
+from support.some_scenes import LONG
 
 ARM = arm(1.0)
 
@@ -68,9 +69,13 @@ def effort_from_tick(folder: Path, scene: Scene, begin: int, ticks: int = 30) ->
     return Path(run.recorder.folder)
 
 
+BEGINS = [0, 2, 10, 29]
+
+
 @pytest.mark.parametrize(
     ('begin', 'integrator'),
-    [(0, 'rk4'), (2, 'rk4'), (10, 'rk4'), (29, 'rk4'), (10, 'esdirk43')],
+    [(begin, 'rk4') for begin in BEGINS]
+    + [(begin, 'esdirk43') for begin in (BEGINS if LONG else [10])],
 )
 def test_an_input_that_begins_jumps(begin: int, integrator: str, tmp_path: Path) -> None:
     """No polynomial goes across the jump, and an input from the first step on acts there."""

@@ -3,6 +3,7 @@ to rounding, and against differences of runs."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,7 @@ def test_inputs_that_are_held() -> None:
     on_the_way = Simulation(scene, **FIXED)
     on_the_way.step(10)
     followed, plain = Simulation(scene, tangents=names, **FIXED), Simulation(scene, **FIXED)
+    begun = followed.state.tangents  # the numbers do not move the start
     for each in (followed, plain):
         each.apply_wrench('coupler', force=[10.0, 20.0], torque=3.0)
     found = gradient(plain, 'final(points.B.x)', names, duration=0.2)
@@ -136,8 +138,13 @@ def test_inputs_that_are_held() -> None:
     for name, slope in found.by.items():
         assert slope == pytest.approx(sample.tangents[name].points['B'][0], rel=1e-10), name
     on_the_way.apply_wrench('coupler', force=[10.0, 20.0], torque=3.0)
+    state = replace(on_the_way.state, tangents=begun)
     later = gradient(on_the_way, 'final(points.B.x)', names, duration=0.2)
-    assert all(np.isfinite(list(later.by.values()))) and later.by != found.by
+    followed.restore(state)
+    followed.step(40)
+    sample = followed.sample()
+    for name, slope in later.by.items():
+        assert slope == pytest.approx(sample.tangents[name].points['B'][0], rel=1e-10), name
 
 
 @BOTH
