@@ -6,18 +6,15 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import turning
-from alf_ros.kernel.crossed_kinks import crossed, next_aim, passed, shorter
-from alf_ros.kernel.data import (
-    Bearings,
-    Method,
-    Phase,
-    Problem,
-    Span,
-    StepRecord,
-    System,
-    Tangents,
-    Work,
+from alf_ros.kernel.companion import (
+    BEGIN_CALL,
+    END_STEP,
+    is_accompanied,
+    part_to_kink,
+    tell,
 )
+from alf_ros.kernel.crossed_kinks import next_aim, passed, shorter
+from alf_ros.kernel.data import Bearings, Method, Phase, Problem, Span, System, Work
 from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.interpolated_stages import linearise_aside
 from alf_ros.kernel.kinks_over_time import until_kink
@@ -59,10 +56,7 @@ from alf_ros.kernel.step_length import (
     relative,
     usual_speed,
 )
-from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
-from alf_ros.kernel.tangent_axes import read_tangents
-from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -128,8 +122,6 @@ def advance_adaptively(
     phase: Phase,
     span: Span,
     within: bool,
-    tangents: Tangents | None = None,
-    record: StepRecord | None = None,
 ) -> tuple[int, int, int]:
     """Like `advance`, each h in as many steps as the tolerance of the method takes."""
     unit, system = problem.unit, problem.system
@@ -138,9 +130,7 @@ def advance_adaptively(
     pace, share = phase.pace, SHARE * method.tolerance
     good_pace = pace[0]
     save_grid_point(problem, phase)
-    if tangents is not None:
-        copy(phase.tangents, tangents.good)
-        read_tangents(tangents, phase)
+    tell(problem, phase, BEGIN_CALL, 0, t0, 0.0)
     most, begun = 0, False
     tries, before, longer = 0, np.inf, h  # from here; error and length of the last
     if not linearise_first(unit, system, work, phase):
@@ -178,7 +168,7 @@ def advance_adaptively(
             if not begun:
                 work.sides[0] = np.nan
             work.sides[1] = 0.0
-            result, count = step(problem, phase, (begin, to, dt), sigma, begun, tangents, record)
+            result, count = step(problem, phase, (begin, to, dt), sigma, begun)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
@@ -198,8 +188,8 @@ def advance_adaptively(
                 if part < 1.0:
                     goal, begun = done + part * dt, True
                     continue
-            if error <= floor and (tangents is not None or record is not None):
-                part = crossed(problem, phase, begin, dt)
+            if error <= floor and is_accompanied(problem):
+                part = part_to_kink(problem, phase, begin, dt)
                 length = shorter(part, dt, h)
                 if length < dt:
                     goal, begun = done + length, True
@@ -208,12 +198,9 @@ def advance_adaptively(
                 if since > 0.0:
                     goal = next_aim(done + dt, since, h)
             if error <= floor:
-                if tangents is not None:
-                    result = carry_tangents(tangents, problem, phase, begin, to, dt, sigma)
-                    if result != OK:
-                        break
-                if record is not None:
-                    record_step(record, phase, work, method.b.size, begin, to, dt, sigma)
+                result = tell(problem, phase, END_STEP, 0, begin, sigma)
+                if result != OK:
+                    break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
@@ -239,13 +226,9 @@ def advance_adaptively(
                     linearise(unit, system, work, work.q)
         if done < h:
             restore_grid_point(problem, phase)
-            if tangents is not None:
-                copy(tangents.good, phase.tangents)
             pace[0] = good_pace
             return result, taken, most
         save_grid_point(problem, phase)
-        if tangents is not None:
-            copy(phase.tangents, tangents.good)
         phase.step[0] = first + taken + 1
         leave_trail(work.trail, phase)
         good_pace = pace[0]

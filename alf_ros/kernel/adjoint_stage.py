@@ -17,9 +17,14 @@ from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED, restore_recorded, restore_stage
+from alf_ros.kernel.step_tape import (
+    INTERPOLATED,
+    PROJECTED,
+    restore_recorded,
+    restore_stage,
+    store_multipliers,
+)
 from alf_ros.kernel.support_places import PLACES, apart
-from alf_ros.kernel.tangent_stage import store_multipliers
 
 
 @inner

@@ -11,10 +11,15 @@ crossing is read from the motion between the ends of a step, as for kinks that a
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
+from numba import types
+
 from alf_ros.kernel.applied_forces import sides
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.grazed_kinks import end_in_arcs, keep_end, place, restore_end
-from alf_ros.kernel.numba_ext.jit import inlined, inner
+from alf_ros.kernel.numba_ext.jit import by_address, inlined, inner
 
 CROSSINGS = 400  # pieces of a step, at most
 _TINY = 1e-9  # of a step of the grid
@@ -25,7 +30,6 @@ _AGAIN = 3.0  # so many times as long as the way to it
 _HALVINGS = 44
 
 
-@inner
 def crossed(problem: Problem, phase: Phase, t: float, h: float) -> float:
     """The part of the step of h (s) from `phase` at t (s), which ended in `work`, at which the
     motion has come to the other side of a kink; 1 if it stays.
@@ -50,6 +54,13 @@ def crossed(problem: Problem, phase: Phase, t: float, h: float) -> float:
             high = part
     restore_end(problem)
     return min(high, 1.0 - 1e-12)
+
+
+@cache
+def divider(dimension: int) -> Any:
+    """The compiled function for 2 or 3 dimensions; its `address` is what `Work` holds."""
+    structs = Problem._numba_type(dimension), Phase._numba_type()
+    return by_address(types.float64(*structs, types.float64, types.float64))(crossed)
 
 
 @inlined

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from alf_ros.kernel.crossed_kinks import CROSSINGS, crossed, next_aim, passed, shorter
-from alf_ros.kernel.data import Phase, Problem, Span, StepRecord, Tangents
+from alf_ros.kernel.companion import (
+    BEGIN_CALL,
+    END_STEP,
+    is_accompanied,
+    part_to_kink,
+    tell,
+)
+from alf_ros.kernel.crossed_kinks import CROSSINGS, next_aim, passed, shorter
+from alf_ros.kernel.data import Phase, Problem, Span
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
@@ -18,10 +25,7 @@ from alf_ros.kernel.step import (
     step,
 )
 from alf_ros.kernel.step_error import judge
-from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
-from alf_ros.kernel.tangent_axes import read_tangents
-from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -29,32 +33,22 @@ PIECES = 50  # of a step, at most
 
 
 @compiled
-def advance(
-    problem: Problem,
-    phase: Phase,
-    span: Span,
-    within: bool,
-    tangents: Tangents | None = None,
-    record: StepRecord | None = None,
-) -> tuple[int, int, int]:
+def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[int, int, int]:
     """Take the steps of a span; returns (result, taken, most iterations).
 
     `phase` is the state, in and out; on failure it holds the last good step. The call ends earlier
     after a step in which, in a watched run, a singular position may have been passed.
     `within`: `phase` is a singular position, and no force acts along the direction of the lost
-    row, so that solves do not show it. A step that is asked to stop is given up. `tangents`: the
-    derivatives by parameters that follow the steps; `record`: where the steps are written down;
-    without them there is no code for it. A step in which a kink of a force is met and left, which
-    no stage may see, is taken in pieces (`grazed_kinks`), with derivatives also one in which a
-    kink is crossed (`crossed_kinks`).
+    row, so that solves do not show it. A step that is asked to stop is given up. A step in which a
+    kink of a force is met and left, which no stage may see, is taken in pieces (`grazed_kinks`),
+    with derivatives also one in which a kink is crossed (`crossed_kinks`).
     """
     unit, system, work = problem.unit, problem.system, problem.work
     t0, first, steps, h = span
     most, kinks = 0, problem.forces.kinks
     if not linearise_first(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
-    if tangents is not None:
-        read_tangents(tangents, phase)
+    tell(problem, phase, BEGIN_CALL, 0, t0, 0.0)
     sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
@@ -63,7 +57,7 @@ def advance(
         while True:
             begin, to, dt = t + done, end if aim == h else t + aim, aim - done
             piece = begin, to, dt
-            result, count = step(problem, phase, piece, sigma, begun, tangents, record)
+            result, count = step(problem, phase, piece, sigma, begun)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
@@ -74,8 +68,8 @@ def advance(
                     continue
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
-            if result == OK and (tangents is not None or record is not None):
-                part = crossed(problem, phase, begin, dt)
+            if result == OK and is_accompanied(problem):
+                part = part_to_kink(problem, phase, begin, dt)
                 length = shorter(part, dt, h)
                 if length < dt and cuts < CROSSINGS:
                     aim, cuts, begun = done + length, cuts + 1, True
@@ -84,20 +78,14 @@ def advance(
             if result == OK:
                 near = kinks.near[0] if kinks.search.size > 0 else 0.0
                 result = judge(unit, system, problem.method, work, dt, h, near)
-            if result == OK and tangents is not None:
+            if result == OK:
                 if done == 0.0 and aim < h:
-                    copy(phase.tangents, tangents.good)
-                result = carry_tangents(tangents, problem, phase, begin, to, dt, sigma)
+                    save_grid_point(problem, phase)
+                result = tell(problem, phase, END_STEP, 0, begin, sigma)
             if result != OK:
                 if done > 0.0:
                     restore_grid_point(problem, phase)
-                    if tangents is not None:
-                        copy(tangents.good, phase.tangents)
                 return result, taken, most
-            if record is not None:
-                record_step(record, phase, work, problem.method.b.size, begin, to, dt, sigma)
-            if done == 0.0 and aim < h:
-                save_grid_point(problem, phase)
             record_power(problem, phase, begin, problem.method.b.size, dt, ALL_FORCES)
             accept(unit, system, work, phase)
             copy(problem.forces.bearings.force, phase.loads)

@@ -14,7 +14,15 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED, collapsed, forget_end
-from alf_ros.kernel.crossed_kinks import CROSSINGS, crossed, next_aim, passed, shorter
+from alf_ros.kernel.companion import (
+    BEGIN_CALL,
+    END_STEP,
+    begin_interval,
+    is_accompanied,
+    part_to_kink,
+    tell,
+)
+from alf_ros.kernel.crossed_kinks import CROSSINGS, next_aim, passed, shorter
 from alf_ros.kernel.data import (
     EPS,
     Method,
@@ -22,15 +30,12 @@ from alf_ros.kernel.data import (
     Problem,
     Scales,
     Span,
-    StepRecord,
     System,
-    Tangents,
     Work,
 )
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.fixed_steps import PIECES
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
-from alf_ros.kernel.implicit_tangents import carry_implicitly
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     evaluate_interpolated,
@@ -57,6 +62,7 @@ from alf_ros.kernel.status import (
 )
 from alf_ros.kernel.step import (
     accept,
+    curve_path,
     end_step,
     evaluate_first,
     least_sigma,
@@ -67,9 +73,7 @@ from alf_ros.kernel.step import (
 )
 from alf_ros.kernel.step_error import free_part, judge
 from alf_ros.kernel.step_length import MOST, embedded, relative
-from alf_ros.kernel.step_tape import record_implicit_step
 from alf_ros.kernel.stopping import told_to_stop
-from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -183,6 +187,7 @@ def _step(
     most, felt = evaluate_first(problem, phase, t)
     if most < 0:
         return JAMMED, 1
+    curve_path(problem)
     sigma = min(sigma, felt)
     x, result = sigma / system.ordinary, OK
     scales = scales_of(system, work, phase)
@@ -280,12 +285,7 @@ def _error(
 
 @compiled
 def advance_implicitly(
-    problem: Problem,
-    phase: Phase,
-    span: Span,
-    within: bool,
-    tangents: Tangents | None = None,
-    record: StepRecord | None = None,
+    problem: Problem, phase: Phase, span: Span, within: bool
 ) -> tuple[int, int, int]:
     """Like `advance`; a step whose stages do not converge is taken in parts, and with an embedded
     error each in as many as the tolerance of the method takes."""
@@ -295,9 +295,7 @@ def advance_implicitly(
     pace, adaptive, kinks = phase.pace, method.embedded.size > 0, problem.forces.kinks
     good_pace = pace[0]
     save_grid_point(problem, phase)
-    if tangents is not None:
-        copy(phase.tangents, tangents.good)
-        read_tangents(tangents, phase)
+    tell(problem, phase, BEGIN_CALL, 0, t0, 0.0)
     most, here = 0, within
     store_angles(unit, system, work, phase)
     for taken in range(steps):
@@ -352,8 +350,8 @@ def advance_implicitly(
                     continue
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
-            if good and (tangents is not None or record is not None):
-                part = crossed(problem, phase, begin, dt)
+            if good and is_accompanied(problem):
+                part = part_to_kink(problem, phase, begin, dt)
                 length_to = shorter(part, dt, h)
                 if length_to < dt and crossings < CROSSINGS:
                     goal, crossings = done + length_to, crossings + 1
@@ -364,12 +362,11 @@ def advance_implicitly(
             if good:
                 near = kinks.near[0] if kinks.search.size > 0 else 0.0
                 result = judge(unit, system, method, work, dt, h, near)
-                if result == OK and tangents is not None:
-                    result = carry_implicitly(tangents, problem, phase, begin, to, dt)
+                if result == OK:
+                    begin_interval(problem, begin, to, dt)
+                    result = tell(problem, phase, END_STEP, 0, begin, 0.0)
                 if result != OK:
                     break
-                if record is not None:
-                    record_implicit_step(record, phase, work, method.b.size, begin, to, dt)
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
@@ -392,13 +389,9 @@ def advance_implicitly(
             pace[0] = length
         if done < h:
             restore_grid_point(problem, phase)
-            if tangents is not None:
-                copy(tangents.good, phase.tangents)
             pace[0] = good_pace
             return result, taken, most
         save_grid_point(problem, phase)
-        if tangents is not None:
-            copy(phase.tangents, tangents.good)
         phase.step[0] = first + taken + 1
         leave_trail(work.trail, phase)
         good_pace = pace[0]

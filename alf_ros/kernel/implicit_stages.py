@@ -18,9 +18,9 @@ from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
-from alf_ros.kernel.step import evaluate_first, store_angles
+from alf_ros.kernel.step import curve_path, evaluate_first, store_angles
+from alf_ros.kernel.step_tape import store_multipliers
 from alf_ros.kernel.stopping import told_to_stop
-from alf_ros.kernel.tangent_stage import store_multipliers
 
 _NEAREST = 0.01  # distance x to a singular position: rounding e is e / x³ in a derivative
 
@@ -35,7 +35,10 @@ def evaluate_begin(problem: Problem, phase: Phase, t: float, lam: Floats) -> tup
     copy(phase.q, work.q)
     if not linearise(problem.unit, system, work, work.q):
         return UNFOLLOWED, 0.0
-    most, felt = evaluate_first(problem, phase, t, lam)
+    most, felt = evaluate_first(problem, phase, t)
+    if most >= 0:
+        store_multipliers(lam, work.y)
+        curve_path(problem)
     x = felt / system.ordinary
     return UNFOLLOWED if most < 0 or x < _NEAREST else OK, x
 

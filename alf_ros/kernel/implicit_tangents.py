@@ -13,22 +13,26 @@ one evaluation. The run itself has the bits that it has without tangents.
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 
+from alf_ros.kernel.companion import BEGIN_CALL, END_STEP, told
 from alf_ros.kernel.conjugate_residuals import MOST, RESTARTS, step_along
 from alf_ros.kernel.data import Phase, Problem, Tangents
 from alf_ros.kernel.driven_tangents import drive_tangents
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.implicit_stages import evaluate_again, evaluate_begin
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, expanded, inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, by_address, expanded, inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import Lanes
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.status import OK, UNFOLLOWED
 from alf_ros.kernel.step import scales_of
-from alf_ros.kernel.tangent_axes import accept_tangents
+from alf_ros.kernel.tangent_axes import accept_tangents, read_tangents
 from alf_ros.kernel.tangent_lane_solve import FINISH
 from alf_ros.kernel.tangent_solves import (
     accelerate_tangents,
@@ -46,18 +50,41 @@ _CONVERGED, _TINY = 1e-14, 1e-17
 _ROUNDING, _NOISE = 1e-9, 1e-11  # what may be rounding, where it becomes no less
 
 
-@expanded
-def carry_implicitly(
-    tangents: Tangents, problem: Problem, phase: Phase, t: float, end: float, h: float
+def _follow(
+    tangents: Tangents,
+    problem: Problem,
+    phase: Phase,
+    what: np.uint64,
+    s: np.uint64,
+    t: float,
+    x: float,
 ) -> int:
-    """The tangents of `phase`, where a step of h (s) of `problem` began at t, to its `end`.
+    """The companion of the steps of an implicit method."""
+    if what == BEGIN_CALL:
+        read_tangents(tangents, phase)
+    elif what == END_STEP:
+        return _carry(tangents, problem, phase)
+    return OK
+
+
+@cache
+def following_implicitly(dimension: int, lanes: int) -> Any:
+    """`tangent_step.following`, of an implicit method."""
+    tangents = Tangents._numba_type(dimension, lanes)
+    return by_address(told(tangents, dimension))(_follow)
+
+
+@expanded
+def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
+    """The tangents of `phase`, where a step of `problem` began, to its end.
 
     The step ended in the workspace of `problem`. Returns the result; if it is not OK the tangents
     are as before. Beside a singular position they are not followed.
     """
     run, own = problem.work, tangents.problem
     unit, system, method, work = own.unit, own.system, own.method, own.work
-    stages = method.b.size
+    stages, interval = method.b.size, run.interval
+    t, end, h = interval[ZERO], interval[ONE], interval[TWO]
     if run.aside[0] != 0 or run.aside[1] != 0:
         return UNFOLLOWED
     result, x = evaluate_begin(own, phase, t, tangents.lam)

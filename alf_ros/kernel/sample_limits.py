@@ -15,7 +15,7 @@ from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.slip import begin_slips
-from alf_ros.kernel.step import evaluate_first, scales_of
+from alf_ros.kernel.step import curve_path, evaluate_first, scales_of
 
 # Forces are read here, and where all that moves is driven they are off by rounding over x⁴: the
 # support positions are four times as far away as for a stage.
@@ -40,6 +40,7 @@ def find_places(problem: Problem, phase: Phase, t: float) -> bool:
     count, _sigma = evaluate_first(problem, phase, t)
     if count < 0:
         return False
+    curve_path(problem)
     scales = scales_of(system, work, phase)
     copy(phase.q, work.base)
     copy(phase.qd, work.along)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Unit
+from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import (
     begin_momenta,
     choose_arcs,
@@ -30,18 +30,16 @@ from alf_ros.kernel.arc_coordinates import (
 )
 from alf_ros.kernel.augmented_residuals import begin_accelerations
 from alf_ros.kernel.augmented_solve import accelerate, iterate, restore_reactions, velocities
-from alf_ros.kernel.constraints import violation
-from alf_ros.kernel.data import (
-    Method,
-    Phase,
-    Problem,
-    Scales,
-    StepRecord,
-    System,
-    Tangents,
-    Until,
-    Work,
+from alf_ros.kernel.companion import (
+    ADDED_UP,
+    BEGIN_STEP,
+    FIRST_STAGE,
+    STAGE,
+    begin_interval,
+    tell,
 )
+from alf_ros.kernel.constraints import violation
+from alf_ros.kernel.data import Method, Phase, Problem, Scales, System, Until, Work
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     NEAR,
@@ -69,24 +67,18 @@ from alf_ros.kernel.projection import project
 from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, OK
-from alf_ros.kernel.step_tape import begin_record, record_axes, record_stage
-from alf_ros.kernel.tangent_axes import unfold_tangents
-from alf_ros.kernel.tangent_follow import begin_following, follow_stage
-from alf_ros.kernel.tangent_stage import store_multipliers
 from alf_ros.kernel.unwrapping import count_turns, nearby, some_crossed
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 
 @inner
-def evaluate_first(
-    problem: Problem, phase: Phase, t: float, lam: Floats | None = None
-) -> tuple[int, float]:
-    """q̈ where the step begins, from the Φ_q and the factor that stand in `work`, and the
-    curvature of the path; -λ goes into `lam`.
+def evaluate_first(problem: Problem, phase: Phase, t: float) -> tuple[int, float]:
+    """q̈ and -λ where the step begins, from the Φ_q and the factor that stand in `work`. Then
+    `curve_path` follows.
 
     Returns the iterations (-1: no balance of friction), and σ as `velocities` does.
     """
-    unit, system, work = problem.unit, problem.system, problem.work
+    system, work = problem.system, problem.work
     copy(phase.qd, work.qd)
     work.evaluations[0] += 1
     restore_reactions(problem.forces.bearings, phase.loads)
@@ -94,10 +86,15 @@ def evaluate_first(
     most, sigma = accelerate(problem, t, True)  # (26)
     if most < 0:
         return most, sigma
-    if lam is not None:
-        store_multipliers(lam, work.y)
     record_power(problem, phase, t, np.uint64(0), 1.0, ALL_FORCES)
     copy(work.qdd, work.pull)
+    return most, sigma
+
+
+@inner
+def curve_path(problem: Problem) -> None:
+    """The curvature of the path where the step begins, behind `evaluate_first`."""
+    unit, system, work = problem.unit, problem.system, problem.work
     if system.prescribed.program.size > 0:  # else blocks that are not movable stand
         copy(work.qdd, work.bend)
     for i in range(work.p.size):
@@ -106,7 +103,6 @@ def evaluate_first(
     begin_accelerations(unit, system, work, work.p)
     until = Until(np.int64(problem.method.iterations), 1e-3, 1.0)
     iterate(unit, system, work, work.p, work.bend, until)  # (26) with Q = 0
-    return most, sigma
 
 
 @inner
@@ -213,15 +209,13 @@ def step(
     interval: tuple[float, float, float],
     sigma: float,
     begun: bool,
-    tangents: Tangents | None,
-    record: StepRecord | None,
 ) -> tuple[int, int]:
     """One step from q, q̇ of `phase`, whose Φ_q and factor stand in `work`.
 
     `interval`: begin, end and length, s. `begun`: stage 0 stands in `work`, of a step that was too
     long; Φ_q and factor need not then. `sigma`: 0 in a singular position that solves may not show,
-    else infinite. `tangents` follow its stages, `record` keeps them. Leaves the new q, q̇ in
-    `work`, with Φ_q and factor. Returns (result, most iterations).
+    else infinite. Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns (result, most
+    iterations).
     """
     t, end, h = interval
     unit, system = problem.unit, problem.system
@@ -230,23 +224,18 @@ def step(
     most, first = 1, ONE
     if not begun:
         first -= ONE
-        if tangents is not None:
-            most, felt = evaluate_first(problem, phase, t, tangents.lam)
-        elif record is not None:
-            most, felt = evaluate_first(problem, phase, t, record.lam)
-        else:
-            most, felt = evaluate_first(problem, phase, t)
+        most, felt = evaluate_first(problem, phase, t)
         if most < 0:
             return JAMMED, 1
+        tell(problem, phase, FIRST_STAGE, 0, t, felt)
+        curve_path(problem)
         sigma = min(sigma, felt)
     scales = scales_of(system, work, phase)
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     if begun:
         fold_first(unit, system, work, phase)
-    if tangents is not None:
-        begin_following(tangents, problem, begun)
-    if record is not None:
-        begin_record(record, begun)
+    begin_interval(problem, t, end, h)
+    tell(problem, phase, BEGIN_STEP, int(begun), t, sigma)
     nearest = np.inf
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
@@ -282,14 +271,8 @@ def step(
         if s == 0:
             copy(work.qdd, work.chart.first)
         fold(unit, system, work, work.qd, work.qdd, s)  # (35)
-        if tangents is not None:
-            follow_stage(tangents, problem, ts, s, h, x)
-        if record is not None:
-            record_stage(record, work, stages, s, x)
-    if tangents is not None:
-        unfold_tangents(tangents, problem, ts, stages, h)
-    if record is not None:
-        record_axes(record, work, stages, stages)
+        tell(problem, phase, STAGE, s, ts, x)
+    tell(problem, phase, ADDED_UP, stages, ts, x)
     work.nearest[0] = nearest
     if nearest < NEAR:
         work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))
@@ -325,6 +308,7 @@ def save_grid_point(problem: Problem, phase: Phase) -> None:
     copy(phase.q, work.good_q)
     copy(phase.qd, work.good_qd)
     copy(phase.turns, work.good_turns)
+    copy(phase.tangents, work.good_tangents)
     copy(phase.works, forces.ledger.good)
     copy(phase.loads, forces.bearings.good)
     copy(phase.within, work.good_within)
@@ -337,6 +321,7 @@ def restore_grid_point(problem: Problem, phase: Phase) -> None:
     copy(work.good_q, phase.q)
     copy(work.good_qd, phase.qd)
     copy(work.good_turns, phase.turns)
+    copy_first(work.good_tangents, phase.tangents, work.good_tangents.size)
     copy(forces.ledger.good, phase.works)
     copy(forces.bearings.good, phase.loads)
     copy(work.good_within, phase.within)

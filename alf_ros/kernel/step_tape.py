@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 
-from alf_ros.kernel.data import Phase, StepRecord, Tangents, Tape, Work
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, inner
+from alf_ros.arrays import Floats
+from alf_ros.kernel.companion import (
+    ADDED_UP,
+    BEGIN_STEP,
+    END_STEP,
+    FIRST_STAGE,
+    STAGE,
+    told,
+)
+from alf_ros.kernel.data import Phase, Problem, StepRecord, Tangents, Tape, Work
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, by_address, inner
 from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.status import OK
 
 # of a stage: its tangents are taken as the step adds them up; projected; interpolated
 REGULAR, PROJECTED, INTERPOLATED = 0, 1, 2
@@ -15,23 +28,62 @@ BEGIN, END, LENGTH, SIGMA, NEAREST = 0, 1, 2, 3, 4  # of `StepRecord.span`
 SPAN = 5
 
 
-@inner
-def record_step(
+def _write_down(
     record: StepRecord,
+    problem: Problem,
     phase: Phase,
-    work: Work,
-    stages: np.uint64,
+    what: np.uint64,
+    s: np.uint64,
     t: float,
-    end: float,
-    h: float,
-    sigma: float,
+    x: float,
+) -> int:
+    """The companion that keeps the steps of an explicit method."""
+    work, stages = problem.work, problem.method.b.size
+    if what == FIRST_STAGE:
+        store_multipliers(record.lam, work.y)
+    elif what == BEGIN_STEP:
+        _begin_record(record, s > 0)
+    elif what == STAGE:
+        _record_stage(record, work, stages, s, x)
+    elif what == ADDED_UP:
+        _record_axes(record, work, stages, s)
+    elif what == END_STEP:
+        _record_step(record, phase, work, stages, x)
+    return OK
+
+
+def _write_down_implicitly(
+    record: StepRecord,
+    problem: Problem,
+    phase: Phase,
+    what: np.uint64,
+    s: np.uint64,
+    t: float,
+    x: float,
+) -> int:
+    """The same of an implicit method."""
+    if what == END_STEP:
+        _record_implicit_step(record, phase, problem.work, problem.method.b.size)
+    return OK
+
+
+@cache
+def writing_down(dimension: int, implicit: bool) -> Any:
+    """The compiled function for 2 or 3 dimensions; its `address` is what `Work` holds."""
+    kind = told(StepRecord._numba_type(), dimension)
+    return by_address(kind)(_write_down_implicitly if implicit else _write_down)
+
+
+@inner
+def _record_step(
+    record: StepRecord, phase: Phase, work: Work, stages: np.uint64, sigma: float
 ) -> None:
-    """Write down an accepted step of h (s) that began at `phase`, at t, and ended in `work`.
+    """Write down an accepted step that began at `phase`, and ended in `work`.
 
     Its stages are written down already. Steps that do not fit are counted.
     """
     k = np.uint64(record.count[0])
-    if not _record_ends(record, phase, work, (t, end, h)):
+    if not _record_ends(record, phase, work):
         return
     followed = record.followed[0] != 0 and record.followed[1] != 0
     record.regular[k] = 1 if followed and not _is_beside(work, work.nearest[0]) else 0
@@ -42,12 +94,10 @@ def record_step(
 
 
 @inner
-def record_implicit_step(
-    record: StepRecord, phase: Phase, work: Work, stages: np.uint64, t: float, end: float, h: float
-) -> None:
+def _record_implicit_step(record: StepRecord, phase: Phase, work: Work, stages: np.uint64) -> None:
     """The same of an implicit method, with v and k of its stages."""
     k, n = np.uint64(record.count[0]), work.p.size
-    if not _record_ends(record, phase, work, (t, end, h)):
+    if not _record_ends(record, phase, work):
         return
     record.regular[k] = 0 if _is_beside(work, np.inf) else 1
     for s in range(stages):
@@ -55,6 +105,13 @@ def record_implicit_step(
         for a in range(n):
             record.stage_qd[at + a] = work.k[THREE * s * n + a]
             record.stage_qdd[at + a] = work.k[THREE * s * n + n + a]
+
+
+@inner
+def store_multipliers(lam: Floats, y: Floats) -> None:
+    """-λ of the stage, from where it was solved for."""
+    for r in range(y.size):
+        lam[r] = -y[r]
 
 
 @inner
@@ -76,11 +133,8 @@ def _is_beside(work: Work, nearest: float) -> bool:
 
 
 @inner
-def _record_ends(
-    record: StepRecord, phase: Phase, work: Work, interval: tuple[float, float, float]
-) -> bool:
-    """Where a step began and ended, and when (`interval`: begin, end and length, s); whether it
-    fits."""
+def _record_ends(record: StepRecord, phase: Phase, work: Work) -> bool:
+    """Where a step began and ended, and when; whether it fits."""
     k, whole = np.uint64(record.count[0]), work.q.size
     record.count[0] += 1
     if (k + ONE) * whole > record.q.size:
@@ -95,7 +149,7 @@ def _record_ends(
         record.sums[k * phase.sums.size + a] = phase.sums[a]
     first = k * np.uint64(SPAN)
     for n in range(THREE):
-        record.span[first + n] = interval[n]
+        record.span[first + n] = work.interval[n]
     return True
 
 
@@ -125,7 +179,7 @@ def has_room(record: StepRecord, work: Work) -> bool:
 
 
 @inner
-def begin_record(record: StepRecord, begun: bool) -> None:
+def _begin_record(record: StepRecord, begun: bool) -> None:
     """Begin a step; `begun`: stage 0 comes from a step that was too long."""
     record.followed[1] = 1
     if not begun:
@@ -133,7 +187,7 @@ def begin_record(record: StepRecord, begun: bool) -> None:
 
 
 @inner
-def record_stage(
+def _record_stage(
     record: StepRecord, work: Work, stages: np.uint64, s: np.uint64, x: float
 ) -> None:
     """Write down stage s of the step that is being taken; x: its distance to a singular
@@ -150,11 +204,11 @@ def record_stage(
     copy(work.qdd, section(record.stage_qdd, at * whole, whole))
     for r in range(rows):
         record.stage_lam[at * rows + r] = -work.y[r] if s > 0 else record.lam[r]
-    record_axes(record, work, stages, s)
+    _record_axes(record, work, stages, s)
 
 
 @inner
-def record_axes(record: StepRecord, work: Work, stages: np.uint64, s: np.uint64) -> None:
+def _record_axes(record: StepRecord, work: Work, stages: np.uint64, s: np.uint64) -> None:
     """How far the axes of the arcs have turned in stage s, or past the last stage at the end."""
     blocks = work.chart.sin.size
     at = (np.uint64(record.count[0]) * (stages + ONE) + s) * blocks

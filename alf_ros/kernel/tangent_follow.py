@@ -15,11 +15,12 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.data import Problem, Tangents
-from alf_ros.kernel.numba_ext.jit import expanded, inner
+from alf_ros.kernel.numba_ext.jit import TWO, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.step_tape import store_multipliers
 from alf_ros.kernel.tangent_axes import begin_tangents, fold_tangents, unfold_tangents
 from alf_ros.kernel.tangent_lane_solve import LEAVE
-from alf_ros.kernel.tangent_stage import differentiate, store_multipliers
+from alf_ros.kernel.tangent_stage import differentiate
 
 
 @expanded
@@ -44,9 +45,7 @@ def is_followed(tangents: Tangents) -> bool:
 
 
 @expanded
-def follow_stage(
-    tangents: Tangents, problem: Problem, t: float, s: np.uint64, h: float, x: float
-) -> None:
+def follow_stage(tangents: Tangents, problem: Problem, t: float, s: np.uint64, x: float) -> None:
     """The rates of stage s, as the step leaves it; x: its distance to a singular position."""
     if x < np.inf:
         tangents.followed[min(s, np.uint64(1))] = 0
@@ -54,7 +53,7 @@ def follow_stage(
         return
     if s > 0:  # of the first stage they are stored already
         store_multipliers(tangents.lam, problem.work.y)
-    unfold_tangents(tangents, problem, t, s, h)
+    unfold_tangents(tangents, problem, t, s, problem.work.interval[TWO])
     differentiate(tangents, problem, tangents.here, t, LEAVE)
     if s == 0:
         copy(tangents.qdd, tangents.first_qdd)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats
 from alf_ros.kernel.augmented_solve import apply
 from alf_ros.kernel.data import FollowedStage, Phase, Problem, Scales, Tangents, Work
 from alf_ros.kernel.driven_tangents import drive_all_tangents
@@ -23,7 +22,7 @@ from alf_ros.kernel.numba_ext.structs import Lanes
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
-from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED
+from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED, store_multipliers
 from alf_ros.kernel.support_places import PLACES, apart, store_place, weigh_places
 from alf_ros.kernel.tangent_lane_solve import FINISH
 from alf_ros.kernel.tangent_solves import (
@@ -144,13 +143,6 @@ def project_tangents(
         if good:
             good = project_velocity(tangents, problem, at, k, slow_modes)
     return good
-
-
-@inner
-def store_multipliers(lam: Floats, y: Floats) -> None:
-    """-λ of the stage, from where it was solved for."""
-    for r in range(y.size):
-        lam[r] = -y[r]
 
 
 @inner

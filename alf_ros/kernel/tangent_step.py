@@ -12,6 +12,9 @@ each step again, to write its stages on a tape.
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 
 from alf_ros.arrays import Floats
@@ -23,45 +26,79 @@ from alf_ros.kernel.arc_coordinates import (
     unfold,
 )
 from alf_ros.kernel.augmented_solve import accelerate
+from alf_ros.kernel.companion import (
+    ADDED_UP,
+    BEGIN_CALL,
+    BEGIN_STEP,
+    END_STEP,
+    FIRST_STAGE,
+    STAGE,
+    told,
+)
 from alf_ros.kernel.data import Phase, Problem, Tangents, Tape
 from alf_ros.kernel.interpolated_stages import evaluate_interpolated
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, by_address, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
-from alf_ros.kernel.step import add_up, evaluate_first, scales_of, store_angles
-from alf_ros.kernel.step_tape import PROJECTED, REGULAR, store_axes, store_stage
+from alf_ros.kernel.step import add_up, curve_path, evaluate_first, scales_of, store_angles
+from alf_ros.kernel.step_tape import PROJECTED, REGULAR, store_axes, store_multipliers, store_stage
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_axes import (
     accept_tangents,
     begin_tangents,
     fold_tangents,
+    read_tangents,
     unfold_tangents,
 )
-from alf_ros.kernel.tangent_follow import is_followed
+from alf_ros.kernel.tangent_follow import begin_following, follow_stage, is_followed
 from alf_ros.kernel.tangent_lane_solve import FINISH, LEAVE
 from alf_ros.kernel.tangent_stage import (
     differentiate,
     differentiate_beside,
     differentiate_projected,
     project_tangents,
-    store_multipliers,
 )
 
 
-@inner
-def carry_tangents(
+def _follow(
     tangents: Tangents,
     problem: Problem,
     phase: Phase,
+    what: np.uint64,
+    s: np.uint64,
     t: float,
-    end: float,
-    h: float,
-    sigma: float,
+    x: float,
 ) -> int:
-    """The tangents of `phase`, where a step of h (s) of `problem` began at t, to its `end`.
+    """The companion of the steps of an explicit method."""
+    if what == BEGIN_CALL:
+        read_tangents(tangents, phase)
+    elif what == FIRST_STAGE:
+        store_multipliers(tangents.lam, problem.work.y)
+    elif what == BEGIN_STEP:
+        begin_following(tangents, problem, s > 0)
+    elif what == STAGE:
+        follow_stage(tangents, problem, t, s, x)
+    elif what == ADDED_UP:
+        unfold_tangents(tangents, problem, t, s, problem.work.interval[TWO])
+    elif what == END_STEP:
+        return _carry(tangents, problem, phase, x)
+    return OK
+
+
+@cache
+def following(dimension: int, lanes: int) -> Any:
+    """The compiled function for 2 or 3 dimensions and tangents in so many lanes; its `address` is
+    what `Work` holds."""
+    tangents = Tangents._numba_type(dimension, lanes)
+    return by_address(told(tangents, dimension))(_follow)
+
+
+@inner
+def _carry(tangents: Tangents, problem: Problem, phase: Phase, sigma: float) -> int:
+    """The tangents of `phase`, where a step of `problem` began, to its end.
 
     The step ended in the workspace of `problem`, with Φ_q and factor; `sigma` as of `step`.
     Returns the result; if it is not OK the tangents are as before.
@@ -71,7 +108,8 @@ def carry_tangents(
     if regular and work.aside[0] == 0 and work.aside[1] == 0:
         if project_tangents(tangents, problem, tangents.here, LEAVE):
             return accept_tangents(tangents, phase)
-    ended = work.q, work.qd, work.nearest[0]
+    ended, interval = (work.q, work.qd, work.nearest[0]), work.interval
+    t, end, h = interval[ZERO], interval[ONE], interval[TWO]
     result = carry_again(tangents, phase, ended, t, end, h, sigma)
     return accept_tangents(tangents, phase) if result == OK else result
 
@@ -99,9 +137,11 @@ def carry_again(
     copy(phase.q, work.q)
     if not linearise(unit, system, work, work.q):
         return UNFOLLOWED
-    most, felt = evaluate_first(problem, phase, t, tangents.lam)
+    most, felt = evaluate_first(problem, phase, t)
     if most < 0:
         return UNFOLLOWED
+    store_multipliers(tangents.lam, work.y)
+    curve_path(problem)
     x = min(sigma, felt) / system.ordinary
     scales = scales_of(system, work, phase)
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))

@@ -15,7 +15,12 @@ from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import InputError, StepError
 from alf_ros.kernel import Forces, Problem, Span, Status, StepRecord, Tangents, Trail, Watch, Work
+from alf_ros.kernel.crossed_kinks import divider
+from alf_ros.kernel.implicit_tangents import following_implicitly
+from alf_ros.kernel.numba_ext.structs import Struct, address_of
 from alf_ros.kernel.singularity_monitor import follow_step
+from alf_ros.kernel.step_tape import writing_down
+from alf_ros.kernel.tangent_step import following
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
@@ -159,10 +164,10 @@ class Stepper:
         free = self._free_of_jumps(0.0, first, n, self.h)
         if free == 0 < n:
             return Status.DRIVE_JUMPS
+        code = writing_down(self._model.layout.dimension, self.is_implicit)
+        problem = self._accompanied(problem, code.address, record, np.zeros(0))
         span = Span(0.0, first, free, self.h)
-        result, _, self.iterations = self._kernel(
-            problem, present.phase, span, within, None, record
-        )
+        result, _, self.iterations = self._kernel(problem, present.phase, span, within)
         return self._ended(result, present, free < n, first + free)
 
     def problem_aside(self, present: Present) -> Problem:
@@ -200,14 +205,13 @@ class Stepper:
         within = first == 0 and start == 0.0 and self.begins_within(present)
         self.work.crossing[1] = 0.0
         problem, span = self._problem(work, forces), Span(start, first, free, h)
-        follow: tuple[Tangents, ...] = ()
         if followed and self._following is not None:
-            follow = (self._followed(present.applied, problem),)
+            problem = self._followed(present.applied, problem)
         if watch is not None:
             problem = self._watched_by(watch, problem)
         if self.trail is not None and work is self.work:
             problem = changed(problem, work=changed(problem.work, trail=self.trail))
-        result, _, self.iterations = self._kernel(problem, phase, span, within, *follow)
+        result, _, self.iterations = self._kernel(problem, phase, span, within)
         return self._ended(result, present, free < n, first + free)
 
     def _free_of_jumps(self, start: float, first: int, n: int, h: float) -> int:
@@ -231,8 +235,8 @@ class Stepper:
             return bool(pull.any())
         return self._start.near and bool(self._start.qd.any())
 
-    def _followed(self, applied: Applied, problem: Problem) -> Tangents:
-        """The tangents of a problem; replaced when held inputs change."""
+    def _followed(self, applied: Applied, problem: Problem) -> Problem:
+        """A problem whose steps tangents follow; replaced when held inputs change."""
         of_run = problem.work is self.work
         known = self._tangents.get(of_run)
         if known is None or known[0].forces is not problem.forces:
@@ -241,9 +245,25 @@ class Stepper:
             assert self._following is not None
             before = known[1] if known is not None else None
             tangents = self._following.tangents(applied, problem, self._behind, before)
-            known = problem, tangents
+            code_of = following_implicitly if self.is_implicit else following
+            code = code_of(self._model.layout.dimension, tangents._lanes())
+            good = np.zeros_like(self._following.initial)
+            known = self._accompanied(problem, code.address, tangents, good), tangents
             self._tangents[of_run] = known
-        return known[1]
+        return known[0]
+
+    def _accompanied(self, problem: Problem, code: int, by: Struct, good: Floats) -> Problem:
+        """A problem whose steps have a companion: code at an address, and the struct that it
+        fills. `good`: memory for tangents at the last point of the grid."""
+        companion = np.array([code, address_of(by)], dtype=np.uint64)
+        found = divider(self._model.layout.dimension)
+        work = changed(
+            problem.work,
+            companion=companion,
+            divider=np.array([found.address], dtype=np.uint64),
+            good_tangents=good,
+        )
+        return changed(problem, work=work)
 
     def problem_of(self, present: Present) -> Problem:
         """The problem of the steps from the present."""

@@ -197,7 +197,6 @@ def tangents_of(
     T = rows.term.reshape(-1, D, D)
     even = (T == T[:, :1, :1] * np.eye(D)).all(axis=(1, 2))
     sizes = {
-        'good': 2 * count * whole,
         'lam': rows.alpha.size,
         'g2d': rows.block.size * D,
         **dict.fromkeys(('term_qd', 'term_qdd'), rows.term_block.size * D),

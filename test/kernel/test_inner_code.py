@@ -113,3 +113,44 @@ def test_one_variant_serves_constants_arrays_and_short_whole_numbers(tmp_path):
         'float64*, uint64, bool',
         '1',
     ]
+
+
+INLINED = """
+import sys
+from numba import types
+from alf_ros.kernel.numba_ext.jit import by_address, compiled, inner
+
+@inner
+def square(x):
+    return x * x
+
+@compiled
+def called(x):
+    return square(x)
+
+def forced(x):
+    return square(x)
+
+if sys.argv[1] == 'called':
+    called(0.5)
+else:
+    by_address(types.float64(types.float64))(forced)
+(code,) = square.overloads.values()
+text = str(code.library.parts[0]._get_module_for_linking())
+print('square' in text, 'alwaysinline' in text)
+"""
+
+
+def test_it_is_the_same_whoever_calls_it_first(tmp_path):
+    """A function called by its address is put into its C function, but not all that it calls."""
+    (tmp_path / 'squares.py').write_text(INLINED)
+    for first in ('called', 'forced'):
+        done = subprocess.run(
+            [sys.executable, 'squares.py', first],
+            cwd=tmp_path,
+            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / first), 'PYTHONPATH': str(ROOT)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout.split() == ['True', 'False'], first

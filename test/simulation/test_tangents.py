@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alf_ros import Simulation, load_scene
+from alf_ros import Simulation, gradient, kernel, load_scene
 from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
@@ -410,6 +410,20 @@ def test_a_state_without_tangents_is_refused(robot: Scene) -> None:
     sim = Simulation(robot, tangents=['m'])
     with pytest.raises(InputError, match=r'state\.tangents'):
         sim.restore(Simulation(robot).state)
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'esdirk43'])
+def test_all_runs_share_the_code_of_their_steps(robot: Scene, integrator: str) -> None:
+    """Whatever follows them or writes them down; else each would compile the steps again."""
+    settings = {'integrator': integrator}
+    Simulation(robot, **settings).step()
+    steps = {'rk4': kernel.advance, 'esdirk43': kernel.advance_implicitly}[integrator]
+    before = len(steps.signatures)
+    assert before > 0
+    for names in (NUMBERS[:1], NUMBERS[:9]):  # of two widths
+        Simulation(robot, tangents=names, **settings).step()
+    gradient(Simulation(robot, **settings), 'final(points.B.x)', NUMBERS[:1], duration=0.01)
+    assert len(steps.signatures) == before
 
 
 def test_nobody_asked() -> None:

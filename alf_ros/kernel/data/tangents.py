@@ -83,7 +83,6 @@ class Tangents(Struct):
     whole_qd: Lanes  # (groups, all blocks D)
     whole_qdd: Lanes  # (groups, all blocks D)
     pushed: Lanes  # (groups, all blocks D) δQ of that stage
-    good: Floats  # (K, 2, all blocks D) at the last point of the grid
     lam: Floats  # (rows,) -λ of the stage
     even: Floats  # (terms,) c of the terms T = c I of `Rows`; NaN of others
     g2d: Floats  # (entries D,) Φ̇_q of the quadratic rows of the stage

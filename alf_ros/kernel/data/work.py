@@ -61,7 +61,7 @@ class Trail(Struct):
 class Work(Struct):
     """Workspace of the kernel: allocated once by the caller."""
 
-    addresses = borrowed = 'caller', 'follow'
+    addresses = borrowed = 'caller', 'follow', 'companion', 'divider'
 
     pulse: Integers  # (3,) see `stopping`: stages and rounds left, given; whether to stop
     caller: Addresses  # (4,) the Python object that is asked then, or 0; and what it raised
@@ -120,6 +120,7 @@ class Work(Struct):
     good_qd: Floats  # (all blocks D,)
     good_turns: Integers  # (angles,)
     good_within: Floats  # (1,)
+    good_tangents: Floats  # (K, 2, all blocks D) of the phase, where tangents follow; else (0,)
     chart: Chart
     ended: StepEnd
     angle: Floats  # (angles, 2) x, y of each
@@ -130,5 +131,8 @@ class Work(Struct):
     measured: Floats  # (angles of integrals, 2) remainder, rad, and turns, as measured last
     sums: Floats  # (integrals,) m, their values
     trail: Trail
+    interval: Floats  # (3,) s: begin, end and length of the step
+    companion: Addresses  # (2,) code and struct of what accompanies the steps; else (0,)
+    divider: Addresses  # (1,) the function that finds kinks that steps cross; else (0,)
     follow: Addresses  # (1,) the function that follows the modes of a watched run; else (0,)
     watch: Watch

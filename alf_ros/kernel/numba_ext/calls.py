@@ -12,7 +12,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from alf_ros.kernel.numba_ext.lane_numbers import lanes_among
-from alf_ros.kernel.numba_ext.plain import PlainVector, at, lowered
+from alf_ros.kernel.numba_ext.plain import PlainVector, at, found_at, lowered
 from alf_ros.kernel.numba_ext.structs import VectorType
 
 
@@ -96,6 +96,23 @@ def call(typing: Any, address: Any, *arguments: Any) -> Any:
 def call_for_number(typing: Any, address: Any, *arguments: Any) -> Any:
     """The same of a function that returns a float, at an address."""
     return _call(ir.DoubleType(), types.float64, (address, *arguments))
+
+
+@lowered(_call_plainly)
+def call_for_whole(typing: Any, address: Any, *arguments: Any) -> Any:
+    """The same of a function that returns a whole number."""
+    return _call(ir.IntType(64), types.int64, (address, *arguments))
+
+
+@lowered(found_at)
+def struct_at_address(typing: Any, address: Any) -> Any:
+    """The struct at an `address_of`, for a function that is called by its address: it knows the
+    type."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(types.uint64), code
 
 
 _COUNTS = types.UniTuple(types.int64, 3)

@@ -22,8 +22,14 @@ TWO = np.uint64(2)
 THREE = np.uint64(3)
 FOUR = np.uint64(4)
 
-# no wrappers for C: what is called by its address is made for that (`by_address`)
-_options: dict[str, Any] = {'nogil': True, 'error_model': 'numpy', 'no_cfunc_wrapper': True}
+# No wrappers for C: what is called by its address is made for that (`by_address`). Whether a
+# function is inlined is said here: else the first function that calls it would decide that.
+_options: dict[str, Any] = {
+    'nogil': True,
+    'error_model': 'numpy',
+    'no_cfunc_wrapper': True,
+    'forceinline': False,
+}
 _called_inside = {
     'no_cpython_wrapper': True,
     'pipeline_class': InnerCompiler,
@@ -66,7 +72,7 @@ def inner(function: Callable[..., Any]) -> Any:
 
 def inlined(function: Callable[..., Any]) -> Any:
     """The same, which LLVM puts into the code that calls it."""
-    return _cached(function, **_options, **_called_inside, forceinline=True)
+    return _cached(function, **{**_options, **_called_inside, 'forceinline': True})
 
 
 def shared(function: Callable[..., Any], **options: Any) -> Any:

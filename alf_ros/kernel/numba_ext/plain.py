@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numba.core import config
@@ -20,6 +21,7 @@ PLAIN = bool(config.DISABLE_JIT)
 _FIRST = 1 << 20  # no address of anything
 
 _functions: list[Callable[..., Any]] = []
+structs: WeakValueDictionary[int, Any] = WeakValueDictionary()  # by their addresses
 
 
 def lowered(twin: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
@@ -106,6 +108,11 @@ class Function:
 
     def __call__(self, *arguments: Any) -> Any:
         return self._function(*arguments)
+
+
+def found_at(address: Any) -> Any:
+    """The struct at an address, as compiled code has it."""
+    return argument(structs[int(address)])
 
 
 def at(address: Any) -> Callable[..., Any]:

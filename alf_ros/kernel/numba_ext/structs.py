@@ -67,7 +67,7 @@ from numba.np.numpy_support import as_dtype
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.numba_ext.lane_numbers import LanesType
-from alf_ros.kernel.numba_ext.plain import View, flat, lowered
+from alf_ros.kernel.numba_ext.plain import PLAIN, View, flat, lowered, structs
 
 S = TypeVar('S', bound='Struct')
 Lanes: TypeAlias = Annotated[Floats, 'lanes']  # (numbers, W), each number of W lanes
@@ -290,6 +290,13 @@ def _word_of(value: Struct | np.uint64 | float) -> int:
     if isinstance(value, Struct):
         return int(value._address)
     return int(np.float64(value).view(np.uint64) if isinstance(value, float) else value)
+
+
+def address_of(struct: Struct) -> int:
+    """Where `calls.struct_at_address` finds a struct, as long as it lives."""
+    if PLAIN:
+        structs[struct._address] = struct
+    return struct._address
 
 
 # ------------------------------------------------------------------------ what numba has to know
