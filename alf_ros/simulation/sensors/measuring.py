@@ -122,7 +122,8 @@ class _ForceTorque(_Mounted):
         torque = np.zeros(3)
         torque[3 - np.size(reaction.torque) :] = reaction.torque
         for n, coordinate in self._coordinates:
-            effort = float(sample.joint_efforts[n]) * self._axis(sample, coordinate)
+            size = float(sample.joint_efforts[n] + sample.geared_efforts[n])
+            effort = size * self._axis(sample, coordinate)
             if coordinate.is_angle:
                 torque += effort
             else:
