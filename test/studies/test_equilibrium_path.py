@@ -234,8 +234,11 @@ def test_a_name_that_cannot_be_followed(over: str, message: str) -> None:
 
 
 def test_refused() -> None:
-    with pytest.raises(InputError, match='gravity.acceleration.1: .*both sides'):
-        equilibrium_path(load_scene('four_bar'), over='gravity.acceleration.1', end=1e300)
+    with pytest.raises(InputError, match='a: .*both sides'):
+        equilibrium_path(load_scene('four_bar'), over='a', end=1e6)
+    for start, end in ((0.0, 1e300), (0.0, 1e-300), (1e300, 0.1)):
+        with pytest.raises(InputError, match='(start|end): not usable.*1e-60'):
+            equilibrium_path(sprung('four_bar'), over='crank_pin.effort', start=start, end=end)
     with pytest.raises(InputError, match='not a scene'):
         equilibrium_path('four_bar', over='t', end=1.0)  # type: ignore[arg-type]
     with pytest.raises(InputError, match='two ends'):

@@ -16,6 +16,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run
 from alf_ros.scene.scene import Scene
+from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST
 from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.named_values import NamedValues
 from alf_ros.simulation.quantities import groups
@@ -291,12 +292,12 @@ def equilibrium_path(
     if not isinstance(over, str) or not over:
         raise InputError('no name', key='over', value=over, expected='spring.stiffness')
     varied = VariedScene(simulation, over, simulation.t if t is None else t)
-    first = varied.present if start is None else number(start, 'start')
-    last = number(end, 'end')
+    first = varied.present if start is None else _value(start, 'start')
+    last = _value(end, 'end')
     if first == last:
         raise InputError('a path has two ends', key='end', value=end, expected='not the start')
     limits = PathLimits(
-        last, 2.0 * first - last if back is None else number(back, 'back'), whole(most, 'most', 2)
+        last, 2.0 * first - last if back is None else _value(back, 'back'), whole(most, 'most', 2)
     )
     if (limits.back - first) * (last - first) > 0.0:
         raise InputError(
@@ -315,6 +316,15 @@ def equilibrium_path(
     course = PathCourse(limits)
     course.follow(point, point.tangent(PathDirection(np.zeros(model.n), last - first)))
     return EquilibriumPath(varied, course)
+
+
+def _value(given: float, key: str) -> float:
+    """A value of the number, as large as numbers of files are. Raises InputError."""
+    value = number(given, key)
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        expected = f'0, or {SMALLEST:g} to {LARGEST:g} in magnitude'
+        raise InputError('not usable', key=key, value=given, expected=expected)
+    return value
 
 
 def _at_rest(scene: Scene) -> Simulation:
