@@ -60,6 +60,11 @@ def test_several_starts_find_all_that_are_known() -> None:
     assert kinds == sorted(kinds) and set(kinds) == {'stable', 'unstable'}
 
 
+def test_a_rotor_makes_no_other_positions() -> None:
+    found = equilibria(chain(1, {**GRAVITY, 'motor': {'joint': 'j0', 'armature': 0.5}}), starts=6)
+    assert [round(float(each.points['P1'][1]), 6) for each in found] == [-1.0]
+
+
 def test_a_hanging_chain_has_the_zeros_of_laguerre() -> None:
     found = equilibrium(chain(8))
     zeros = np.polynomial.laguerre.lagroots([0.0] * 8 + [1.0])

@@ -119,6 +119,33 @@ def test_inputs_and_outputs_of_a_damped_pendulum() -> None:
     assert model.is_stable
 
 
+@pytest.mark.parametrize(('mass', 'length'), [(1e9, 1e3), (1e-6, 1e-3), (1e-6, 1e3)])
+def test_inputs_beside_large_and_small_loads(mass: float, length: float) -> None:
+    """A rod, m l² / 3 θ̈ = τ + l F: the hinge carries what a force on the tip leaves."""
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'O': {'at': [0, 0], 'fixed': True}, 'P': {'at': [0, -length]}},
+                'bodies': {'rod': {'points': ['O', 'P'], 'mass': mass, 'inertia': 'rod'}},
+                'joints': {'hinge': {'type': 'revolute', 'between': ['ground', 'rod'], 'at': 'O'}},
+            },
+            'effects': {'gravity': {'acceleration': [3.0, -9.0]}},
+        }
+    )
+    rest = equilibrium(scene)
+    outputs = ['hinge.position', 'hinge.force']
+    model = linearise(rest, inputs=['hinge.effort', 'wrenches.P.force.x'], outputs=outputs)
+    along = np.array(rest.points['P']) / length
+    turning = np.array([1.0 / length, -along[1]]) / np.sqrt(mass / 3.0)
+    np.testing.assert_allclose(np.abs(model.B[1]), np.abs(turning), rtol=1e-12)
+    across = np.array([-along[1], along[0]])
+    # of the joint's force: m/2 of the tip's acceleration 3 (τ / l + F · across) / m, less F
+    forces = 1.5 * np.outer(across, [1.0 / length, across[0]]) - [[0.0, 1.0], [0.0, 0.0]]
+    np.testing.assert_allclose(model.D[0], 0.0, atol=1e-12 * np.abs(turning).max())
+    np.testing.assert_allclose(model.D[1:], forces, atol=1e-10, rtol=1e-10)
+
+
 def test_targets_of_a_controlled_mechanism() -> None:
     """A motor (k_p, k_v) on a pendulum: its target acts with k_p, the speed of it with k_v."""
     motor = {

@@ -167,8 +167,10 @@ def equilibria(
 
 
 def _is_same(size: float, one: Equilibrium, other: Equilibrium) -> bool:
-    D = one.sample.model.layout.dimension
-    apart = np.abs(one.state.q - other.state.q).reshape(-1, D)[: one.sample.model.layout.movable]
+    """Whether points and vectors are at one place. Only rates bind a rotor: it stays anywhere."""
+    layout = one.sample.model.layout
+    apart = np.abs(one.state.q - other.state.q).reshape(-1, layout.dimension)[: layout.movable]
+    apart[[layout.of_auxiliary[rotor.name] for rotor in layout.mechanism.rotors]] = 0.0
     return bool(apart.max(initial=0.0) <= _SAME * size)
 
 
