@@ -217,6 +217,19 @@ def test_a_picture_shows_the_path(tmp_path: Path) -> None:
         path.plot(file=tmp_path / 'path.txt')
 
 
+def test_a_rotor_does_not_keep_a_path_from_its_start() -> None:
+    """The crank is back after a turn; its rotor has turned."""
+    motor = {'joint': 'crank_pin', 'armature': 0.05}
+    scenes = [
+        load_scene({'mechanism': 'four_bar', 'effects': effects})
+        for effects in (GRAVITY, {**GRAVITY, 'motor': motor})
+    ]
+    bare, geared = (equilibrium_path(scene, over='crank_pin.effort', end=0.3) for scene in scenes)
+    assert bare.ending == geared.ending == 'it comes back to its start'
+    events = [event.value for event in bare.events]
+    np.testing.assert_allclose([event.value for event in geared.events], events, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ('over', 'message'),
     [

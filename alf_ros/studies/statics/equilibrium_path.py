@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sparse
 
 from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run
+from alf_ros.model.compile import Model
+from alf_ros.model.constraints.rotors import rotor_blocks
 from alf_ros.scene.scene import Scene
 from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST
 from alf_ros.simulation.input_checks import number, truth, whole
@@ -32,7 +35,7 @@ from alf_ros.studies.statics.positions_of_rest import (
     found_at,
     in_order,
 )
-from alf_ros.studies.statics.sparse_rows import mass_matrix
+from alf_ros.studies.statics.sparse_rows import Sparse, mass_matrix
 from alf_ros.studies.statics.varied_scene import TIME, VariedScene
 
 if TYPE_CHECKING:
@@ -308,7 +311,7 @@ def equilibrium_path(
     rest = equilibrium(begun, t=driven, nearest=truth(nearest, 'nearest'))
     _check(rest)
     model = rest.simulation.model
-    mass = mass_matrix(model)
+    mass = _metric(model)
     length = np.sqrt(float(mass.diagonal().sum()) / model.layout.dimension)
     there = varied.at(first).instant(rest.state.q, rest.state.turns)
     scales = PathScales(mass, length * there.loads.tangents.length, abs(last - first))
@@ -331,6 +334,19 @@ def _at_rest(scene: Scene) -> Simulation:
     if not isinstance(scene, Scene):
         raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
     return Simulation(scene.at_rest())
+
+
+def _metric(model: Model) -> Sparse:
+    """(n, n) kg, of distances: M, but rotors lend their mass to all other blocks, for a path that
+    comes back after a turn leaves them at another place."""
+    mass, layout = mass_matrix(model), model.layout
+    rotors, D = rotor_blocks(layout), layout.dimension
+    if not rotors:
+        return mass
+    own = mass.diagonal()[::D][rotors]
+    lent = np.full(layout.movable, own.sum() / (layout.movable - len(rotors)))
+    lent[rotors] = -own
+    return mass + sparse.diags(np.repeat(lent, D), format='csr')
 
 
 def _check(rest: Equilibrium) -> None:

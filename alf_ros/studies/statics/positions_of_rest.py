@@ -16,6 +16,7 @@ from alf_ros.errors import AssemblyError, InputError
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.branch_words import moving
 from alf_ros.model.compile import Model
+from alf_ros.model.constraints.rotors import without_rotors
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
@@ -167,11 +168,8 @@ def equilibria(
 
 
 def _is_same(size: float, one: Equilibrium, other: Equilibrium) -> bool:
-    """Whether points and vectors are at one place. Only rates bind a rotor: it stays anywhere."""
-    layout = one.sample.model.layout
-    apart = np.abs(one.state.q - other.state.q).reshape(-1, layout.dimension)[: layout.movable]
-    apart[[layout.of_auxiliary[rotor.name] for rotor in layout.mechanism.rotors]] = 0.0
-    return bool(apart.max(initial=0.0) <= _SAME * size)
+    apart = without_rotors(one.sample.model.layout, one.state.q - other.state.q)
+    return bool(np.abs(apart).max(initial=0.0) <= _SAME * size)
 
 
 def beginning(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, Instant]:
