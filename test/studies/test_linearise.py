@@ -166,6 +166,13 @@ def test_targets_of_a_controlled_mechanism() -> None:
     np.testing.assert_allclose(gain[0, 0], 1.0, atol=1e-9)
 
 
+def test_the_target_of_a_fast_motor() -> None:
+    motor = {'joint': 'j0', 'velocity': 5e4, 'velocity_gain': 6e4}
+    scene = chain(1, {'motor': motor, 'torsion_spring': {'joint': 'j0', 'stiffness': 6e9}})
+    model = linearise(scene, inputs=['targets.j0.velocity'])
+    np.testing.assert_allclose(np.abs(model.B[1]), 6e4, rtol=1e-10)
+
+
 def test_redundant_rows_change_nothing() -> None:
     model = linearise(redundant_parallelogram(), outputs=['pin0.position'])
     np.testing.assert_allclose(model.stiffness, [[9.81 * 2.5 / 2.0]], rtol=1e-11)

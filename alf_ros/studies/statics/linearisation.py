@@ -156,13 +156,17 @@ def _sizes(
     instant: Instant, sample: Sample, A: Floats, named: Sequence[NamedInput]
 ) -> list[float]:
     """Of each input a size that counts beside the forces of the instant, and beside those that a
-    displacement of a typical length makes."""
+    displacement of a typical length makes; of the speed of a target, one of its own motions."""
     length, angular = instant.loads.tangents.length, instant.model.layout.length
     mass = float(instant.M.diagonal().sum()) / instant.model.layout.dimension
-    acting = [instant.Q, sample.constraint_forces, mass * length * A]
-    force = max(float(np.abs(forces).max(initial=0.0)) for forces in acting) or 1.0
-    sizes = {'N': force, 'N m': force * angular, 'm': length, 'm/s': length}
-    return [sizes.get(each.unit, 1.0) for each in named]
+    places = instant.position_directions.shape[1]
+    square = float(np.abs(A[places:, :places]).max(initial=0.0))  # 1/s²
+    acting = [instant.Q, sample.constraint_forces]
+    largest = [float(np.abs(forces).max(initial=0.0)) for forces in acting]
+    force, rate = max(*largest, mass * length * square) or 1.0, np.sqrt(square) or 1.0
+    sizes = {'N': force, 'N m': force * angular, 'm': length, 'rad': 1.0}
+    sizes |= {'m/s': length * rate, 'rad/s': rate}
+    return [sizes[each.unit] for each in named]
 
 
 def _pushed_by(instant: Instant, each: NamedInput, size: float) -> Floats:
