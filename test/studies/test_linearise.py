@@ -241,6 +241,13 @@ def test_files_hold_the_model(tmp_path: Path) -> None:
         model.write(tmp_path / 'm.txt')
 
 
+def test_a_path_that_is_none_is_refused() -> None:
+    model = linearise(chain(1))
+    for path in (None, 1, b'model.npz'):
+        with pytest.raises(InputError, match='path: not a path'):
+            model.write(path)  # type: ignore[arg-type]
+
+
 def test_control_is_asked_for_by_name() -> None:
     model = linearise(chain(1), inputs=['j0.effort'])
     try:

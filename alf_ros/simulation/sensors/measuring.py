@@ -12,6 +12,7 @@ import numpy as np
 
 from alf_ros import effects
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Coordinate
 from alf_ros.scene.scene import Scene
 from alf_ros.scene.sensors_section import Sensor
@@ -32,6 +33,8 @@ class Sensors:
     """
 
     def __init__(self, scene: Scene) -> None:
+        if not isinstance(scene, Scene):
+            raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
         self.sensors: Mapping[str, Sensor] = {each.label: each for each in scene.sensors}
         self._measures = {
             label: _MEASURES[sensor.kind](scene, sensor) for label, sensor in self.sensors.items()
