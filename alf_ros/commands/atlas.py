@@ -30,7 +30,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--levels',
         type=int,
-        default=25,
         metavar='N',
         help='values of the second input (default: 25)',
     )

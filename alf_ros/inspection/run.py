@@ -11,7 +11,6 @@ matplotlib, pandas, pyarrow and xarray are imported where they are asked for; CS
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -243,9 +242,7 @@ def record(
     period, begin = check.number(period, 'period', 0.0), simulation.t
     if period == 0.0:
         raise InputError('not usable', key='period', value=period, expected='s, more than 0')
-    count = math.floor(check.number(duration, 'duration', 0.0) / period + check.CLOSE)
-    if count > check.MOST_STEPS:
-        raise InputError('too many samples', key='period', value=period)
+    count = check.samples_of(check.number(duration, 'duration', 0.0), period)
     times = [begin + n * period for n in range(count + 1)]
     return Run(simulation.run(duration, at=times), only)
 

@@ -134,9 +134,10 @@ def follow(
 
 def displaced(model: Model, q: Floats, step: Floats) -> Floats:
     """q + step (blocks D, m) moved along M to where it is closed, with gears and racks in mesh as
-    they are at q. Raises AssemblyError with the constraints that stay open."""
+    they are at q, and without slip of wheels on a line. Raises AssemblyError with the constraints
+    that stay open."""
     system, names, _ = hold(model, [], velocities=False)
-    mesh, work = _mesh(model, []), allocate(model, system, 1)
+    mesh, work = _mesh(model, [], teeth=False), allocate(model, system, 1)
     work.q[:] = q + step
     gap = _settle(model, system, work, 1e-15)
     if mesh is not None:
@@ -210,10 +211,10 @@ class _Mesh:
     rows: list[int]  # theirs, in the kernel's order
 
 
-def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
-    """The correction that keeps teeth in mesh while the given rows are unchanged; None without
-    teeth."""
-    found = integrals(model.layout, teeth=True)
+def _mesh(model: Model, given: list[Row], teeth: bool = True) -> _Mesh | None:
+    """The correction that keeps teeth in mesh while the given rows are unchanged, or all that has
+    an integral; None without any."""
+    found = integrals(model.layout, teeth)
     if not found:
         return None
     system, names, _ = hold(model, [replace(row, c=0.0) for row in given], velocities=True)
@@ -222,7 +223,7 @@ def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
     place = {name: first + n for n, name in enumerate(names[first:])}
     rows = [place[name] for name in own]
     alpha = system.rows.alpha.copy()
-    alpha[[n for n in place.values() if n not in rows]] = 0.0  # parts without teeth may slip
+    alpha[[n for n in place.values() if n not in rows]] = 0.0  # the others may slip
     return _Mesh(found, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
 
 

@@ -70,6 +70,21 @@ def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> N
         kernel.prescribed_at(system, t, q, qd, qdd)
 
 
+def driven_angles(layout: Layout, system: System, t: float) -> Floats:
+    """(drives on angles,) rad at t (s), with the turns that prescribed directions do not know."""
+    drives = [drive for drive in layout.mechanism.drives if drive.kind == 'angle']
+    found = np.zeros((3, len(drives)))
+    if drives:
+        from alf_ros.model import time_program
+
+        motions = {n: drive.motion[0] or signal(0.0) for n, drive in enumerate(drives)}
+        slots, params = time_program.program(motions)
+        given = replace(system.prescribed, slots=slots, params=params)
+        given = replace(given, registers=np.zeros(3 * int(slots[0])))
+        kernel.prescribed_at(replace(system, prescribed=given), t, *found)
+    return found[0]
+
+
 def without_value(layout: Layout, system: System, t: float) -> str:
     """The name of a motion that has no value, rate or acceleration at t (s); '' if all have."""
     if not system.prescribed.program.size:

@@ -63,7 +63,8 @@ class _Noisy(_Timed):
 class ForceTorqueSensor(_Noisy):
     """Force and torque of the parent on the child at a joint, in axes of the child with their
     origin at the joint, as the child carries it: the reaction, and the efforts on the free axes
-    from commands, motors, springs, stops, friction and drives."""
+    from commands, motors less the inertia of their rotors, springs, stops, friction, drives and
+    couplings."""
 
     joint: str = _named('joint', 'joint')
     force_noise: float = _number('standard deviation of each message and axis', 'N')

@@ -22,6 +22,7 @@ from alf_ros.model.compile import Model
 from alf_ros.simulation.applied import Inputs, Target, Wrench
 from alf_ros.simulation.state import State
 
+MOST_SAMPLES = 10_000_000  # of one run whose instants are listed before it begins
 MOST_STEPS = 2**53  # up to which t = step h is exact to the last digit of the step
 CLOSE = 1e-6  # of a step: an instant that near to a grid point is one
 
@@ -85,6 +86,15 @@ def steps_between(steps: int, samples: int) -> int:
     if not whole:
         return max(1, round(steps / samples))
     return min(whole, key=lambda count: abs(math.log(steps / (count * samples))))
+
+
+def samples_of(duration: float, period: float) -> int:
+    """How many whole periods (s) are in a duration (s). Raises InputError if they are too many."""
+    if not duration <= MOST_SAMPLES * period:
+        raise InputError(
+            'too many samples', key='period', value=period, expected=f'{MOST_SAMPLES} at most'
+        )
+    return math.floor(duration / period + CLOSE)
 
 
 def times(given: Any, now: float, h: float) -> tuple[float, ...]:

@@ -18,6 +18,7 @@ from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import AlfError, InputError
 from alf_ros.model.compile import Model
+from alf_ros.model.constraints import couplings, rotors
 from alf_ros.model.constraints.drives import effort
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Inputs
@@ -206,6 +207,22 @@ class Sample(Dynamics):
             if drive.kind in ('angle', 'length'):
                 n = self.model.coordinate_names.index(drive.of[0])
                 efforts[n] += self.drive_efforts[drive.name][0]
+        return read_only(efforts)
+
+    @kept
+    def geared_efforts(self) -> Floats:
+        """(joint coordinates,) efforts on the free axis, N m or N, of couplings and of the inertia
+        of rotors: multipliers of rows that bind rates of coordinates; not in `joint_efforts`."""
+        model = self.model
+        mechanism, place = model.mechanism, model.coordinate_names.index
+        efforts = np.zeros(len(model.coordinates))
+        for coupling in mechanism.couplings:
+            pull = self.multipliers[coupling.name] * couplings.unit_of(coupling, model.layout)
+            for name, factor in coupling.of:
+                efforts[place(name)] -= factor * pull
+        for rotor in mechanism.rotors:
+            unit = rotors.unit_of(mechanism.coordinate[rotor.of], model.layout)
+            efforts[place(rotor.of)] -= unit * self.multipliers[rotor.name]
         return read_only(efforts)
 
     @kept

@@ -103,6 +103,8 @@ class Simulation:
         }
         if not isinstance(scene, Scene):
             raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
+        if like is not None and not isinstance(like, Simulation):
+            raise InputError('not a simulation', key='like', value=like, expected='Simulation(…)')
         watches, self.ledger = check.truth(watch, 'watch'), check.truth(ledger, 'ledger')
         names = checked_names(tangents)
         self._lock = threading.Lock()

@@ -136,6 +136,7 @@ def test_a_period_between_the_steps() -> None:
         ({'period': 0.0}, 'period: not usable, got 0.0; expected s, more than 0'),
         ({'period': float('nan')}, 'period: not usable, got nan'),
         ({'period': 1e-300}, 'period: too many samples'),
+        ({'period': 1e-15}, 'period: too many samples'),
         ({'every': 2, 'period': 0.1}, 'period: `every` states it already'),
         ({'only': 'energy'}, "only: not a list of names, got 'energy'"),
         ({'only': ['enrgy']}, "only: no such quantity, got 'enrgy'; did you mean 'energy'?"),

@@ -47,6 +47,7 @@ def scene(joint: dict[str, Any], **more: Any) -> Any:
                     }
                 },
                 'joints': {'held': {'between': ['ground', 'arm'], 'at': 'P', **joint}},
+                'couplings': more.pop('couplings', {}),
             },
             'effects': {'gravity': {'acceleration': GRAVITY.tolist()}, **more.pop('effects', {})},
             'sensors': {'force_torque': {'joint': 'held'}},
@@ -101,3 +102,24 @@ def test_a_driven_joint_and_a_held_effort() -> None:
     lifted.apply_effort('held', 25.0)
     lifted.step(100)
     check(lifted)
+
+
+@pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
+def test_the_inertia_of_a_rotor(kind: str) -> None:
+    """It takes part of the effort of the motor, before the child."""
+    motor = {'joint': 'held', 'effort': 3.0, 'armature': 0.5, 'velocity_gain': 0.2}
+    simulation = Simulation(scene({'type': kind, **JOINTS[kind]}, effects={'motor': motor}))
+    check(simulation)
+    simulation.step(300)
+    check(simulation)
+
+
+def test_a_coupling() -> None:
+    coupled = scene(
+        {'type': 'cylindrical', 'axis': ALONG},
+        couplings={'thread': {'joints': {'held_angle': 0.1, 'held_length': -1.0}}},
+    )
+    simulation = Simulation(coupled)
+    check(simulation)
+    simulation.step(300)
+    check(simulation)

@@ -220,6 +220,11 @@ def test_what_cannot_be_is_one_line(sensors: dict[str, Any], message: str) -> No
     assert '\n' not in str(refused.value) and 'sensors' in str(refused.value)
 
 
+def test_only_a_scene_has_sensors() -> None:
+    with pytest.raises(InputError, match='scene: not a scene'):
+        Sensors('four_bar')  # type: ignore[arg-type]
+
+
 def test_the_text_of_a_scene_has_its_sensors() -> None:
     scene = pendulum(imu={'left': {'body': 'rod'}, 'right': {'body': 'rod', 'rate': 100}})
     again = scene_from_text(scene.text)

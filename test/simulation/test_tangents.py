@@ -347,6 +347,12 @@ def test_names_are_refused(names: Any, told: str) -> None:
     assert told in refused(load_scene('slider_crank'), names)
 
 
+def test_only_a_simulation_is_like_another() -> None:
+    for names in ((), ('coupler.mass',)):
+        with pytest.raises(InputError, match='like: not a simulation'):
+            Simulation(load_scene('slider_crank'), tangents=names, like='x')  # type: ignore[arg-type]
+
+
 def test_settings_are_refused() -> None:
     scene = load_scene('slider_crank')
     assert 'alf2 alone' in refused(scene, ['m'], formulation='canonical')

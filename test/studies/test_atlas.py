@@ -263,6 +263,11 @@ def test_the_workspace_of_two_bars() -> None:
         assert [low for low, *_ in told] == pytest.approx(sorted(edges)[:-1], abs=1e-9)
 
 
+def test_levels_without_a_second_coordinate_are_refused() -> None:
+    with pytest.raises(InputError, match='levels: there is no second coordinate, got 3'):
+        atlas('four_bar', 'crank_pin', levels=3)
+
+
 def test_levels_cover_the_range_of_the_second_coordinate() -> None:
     found = atlas('double_pendulum', ['B.x', 'B.y'], levels=3, starts=5)
     assert [sheet.level for sheet in found.sheets] == pytest.approx([-1.2, 0.0, 1.2], abs=1e-6)

@@ -150,6 +150,7 @@ def test_a_function_of_the_user_that_raises_is_a_reason(workers, error, said):
         ({'outputs': ['energy', 'energy']}, "outputs: two outputs of one label, got 'energy'"),
         ({'duration': 0.0}, 'duration: not usable, got 0.0; expected s, more than 0'),
         ({'period': 2.0}, 'period: longer than the duration, got 2.0'),
+        ({'period': 1e-300}, 'period: too many samples, got 1e-300'),
         ({'members': 0}, 'members: '),
         ({'workers': 1, 'scheduler': 'tcp://127.0.0.1:1'}, 'workers: a cluster has its own'),
     ],

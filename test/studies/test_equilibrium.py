@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from alf_ros import InputError, Simulation, equilibria, equilibrium, load_scene, modes
+from alf_ros.scene.scene import Scene
 from alf_ros.studies.statics import descent, newton_rest
 from support.some_scenes import LONG
 from support.statics_scenes import (
@@ -58,6 +60,82 @@ def test_several_starts_find_all_that_are_known() -> None:
     assert {round(float(each['angle']), 9) for each in KNOWN['four_bar']} <= open_ones
     kinds = [e.stability for e in found]
     assert kinds == sorted(kinds) and set(kinds) == {'stable', 'unstable'}
+
+
+def test_a_wheel_on_a_line_comes_to_rest_without_slip() -> None:
+    """An eccentric wheel on a spring: x = -r θ, which the search has to keep."""
+    r, hub = 0.2, [0.0, 0.2]
+    floor, level = {'through': [0, 0], 'direction': [1, 0]}, {'through': hub, 'direction': [1, 0]}
+    both = {'between': ['ground', 'wheel']}
+    wheel = {'points': ['W', 'X'], 'mass': 2.0, 'com': [0.1, 0], 'inertia': {'about_com': 0.05}}
+    spring = {'between': ['W', 'ground'], 'at': [None, [-3, r]], 'stiffness': 30, 'free_length': 3}
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'W': {'at': hub}, 'X': {'at': [r, r]}},
+                'bodies': {'wheel': wheel},
+                'joints': {
+                    'line': {'type': 'slider', **both, 'point': 'W', 'on': level},
+                    'tread': {'type': 'no_slip', **both, 'at': 'W', 'radius': r, 'on': floor},
+                },
+            },
+            'effects': {'gravity': {'acceleration': [3.0, -9.81]}, 'spring': spring},
+        }
+    )
+
+    def force(angle: float) -> float:
+        weight = 2.0 * 0.1 * (3.0 * np.sin(angle) + 9.81 * np.cos(angle))
+        return float(r * (30.0 * r * angle + 2.0 * 3.0) + weight)
+
+    expected = -r * brentq(force, -2.0, 0.0, xtol=1e-14)
+    for rest in (
+        equilibrium(scene),
+        equilibrium(scene, nearest=True),
+        *equilibria(scene, starts=3),
+    ):
+        assert rest.points['W'][0] == pytest.approx(expected, abs=1e-10)
+
+
+def coupled(**drives: object) -> Scene:
+    """Two bars on the ground: one turns twice as far as the other."""
+    points = {'O': [0, 0], 'P': [3, 0], 'A': [1, 0], 'B': [4, 0]}
+    rod = {'mass': 1.0, 'inertia': 'rod'}
+    pins = (('first', 'a', 'O'), ('second', 'b', 'P'))
+    mechanism = {
+        'alf': 1,
+        'points': {name: {'at': at, 'fixed': name in 'OP'} for name, at in points.items()},
+        'bodies': {'a': {'points': ['O', 'A'], **rod}, 'b': {'points': ['P', 'B'], **rod}},
+        'joints': {
+            name: {'type': 'revolute', 'between': ['ground', body], 'at': at}
+            for name, body, at in pins
+        },
+        'couplings': {'belt': {'joints': {'first': 1, 'second': -2}}},
+    }
+    return load_scene({'mechanism': mechanism, 'drives': drives, 'effects': GRAVITY})
+
+
+def test_couplings_keep_their_phase_from_random_starts() -> None:
+    found = equilibria(coupled(), starts=8)
+    assert len(found) > 1
+    for each in found:
+        first, second = (each.joints[name].position for name in ('first', 'second'))
+        assert first == pytest.approx(2.0 * second, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('angle', 'expected'), [('2*t', 14.0), ({'table': [[0, 0], [3, 0], [4, 14], [7, 14]]}, 14.0)]
+)
+def test_drives_bring_couplings_along(angle: object, expected: float) -> None:
+    """Over turns, and also where a table rests at the end of a long step."""
+    rest = equilibrium(coupled(motor={'joint': 'first', 'angle': angle}), t=7.0)
+    assert rest.joints['first'].position == pytest.approx(expected, abs=1e-9)
+    assert rest.joints['second'].position == pytest.approx(0.5 * expected, abs=1e-9)
+
+
+def test_a_rotor_makes_no_other_positions() -> None:
+    found = equilibria(chain(1, {**GRAVITY, 'motor': {'joint': 'j0', 'armature': 0.5}}), starts=6)
+    assert [round(float(each.points['P1'][1]), 6) for each in found] == [-1.0]
 
 
 def test_a_hanging_chain_has_the_zeros_of_laguerre() -> None:

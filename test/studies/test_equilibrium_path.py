@@ -217,6 +217,19 @@ def test_a_picture_shows_the_path(tmp_path: Path) -> None:
         path.plot(file=tmp_path / 'path.txt')
 
 
+def test_a_rotor_does_not_keep_a_path_from_its_start() -> None:
+    """The crank is back after a turn; its rotor has turned."""
+    motor = {'joint': 'crank_pin', 'armature': 0.05}
+    scenes = [
+        load_scene({'mechanism': 'four_bar', 'effects': effects})
+        for effects in (GRAVITY, {**GRAVITY, 'motor': motor})
+    ]
+    bare, geared = (equilibrium_path(scene, over='crank_pin.effort', end=0.3) for scene in scenes)
+    assert bare.ending == geared.ending == 'it comes back to its start'
+    events = [event.value for event in bare.events]
+    np.testing.assert_allclose([event.value for event in geared.events], events, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ('over', 'message'),
     [
@@ -234,8 +247,11 @@ def test_a_name_that_cannot_be_followed(over: str, message: str) -> None:
 
 
 def test_refused() -> None:
-    with pytest.raises(InputError, match='gravity.acceleration.1: .*both sides'):
-        equilibrium_path(load_scene('four_bar'), over='gravity.acceleration.1', end=1e300)
+    with pytest.raises(InputError, match='a: .*both sides'):
+        equilibrium_path(load_scene('four_bar'), over='a', end=1e6)
+    for start, end in ((0.0, 1e300), (0.0, 1e-300), (1e300, 0.1)):
+        with pytest.raises(InputError, match='(start|end): not usable.*1e-60'):
+            equilibrium_path(sprung('four_bar'), over='crank_pin.effort', start=start, end=end)
     with pytest.raises(InputError, match='not a scene'):
         equilibrium_path('four_bar', over='t', end=1.0)  # type: ignore[arg-type]
     with pytest.raises(InputError, match='two ends'):

@@ -138,3 +138,39 @@ def test_the_command_lists_multipliers(capsys: pytest.CaptureFixture[str], tmp_p
     assert lines[3].split()[:2] == ['1', '1.62940883']
     with pytest.raises(InputError, match='--period'):
         main([str(file), '--period', '1', '--inputs', 'x'])
+
+
+def test_rotors_turn_on() -> None:
+    """A bar turns with a drive, and a link swings on its end, both with rotors."""
+    rate, damping, inertia = 2.0 * math.pi, 0.5, 0.3 / 3.0 + 0.1
+    points = {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}, 'B': {'at': [2, 0]}}
+    mechanism = {
+        'alf': 1,
+        'points': points,
+        'bodies': {
+            'bar': {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod'},
+            'link': {'points': ['A', 'B'], 'mass': 0.3, 'inertia': 'rod'},
+        },
+        'joints': {
+            'hip': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'},
+            'knee': {'type': 'revolute', 'between': ['bar', 'link'], 'at': 'A'},
+        },
+    }
+    motors = {
+        f'm{n}': {'joint': joint, 'armature': 0.1} for n, joint in enumerate(('hip', 'knee'))
+    }
+    scene = {
+        'mechanism': mechanism,
+        'drives': {'turn': {'joint': 'hip', 'angle': f'{rate}*t'}},
+        'initial': {'velocities': {'B': [0, 2.0 * rate]}},
+        'effects': {
+            'motor': motors,
+            'torsion_spring': {'joint': 'knee', 'stiffness': 2.0, 'damping': damping},
+        },
+    }
+    found = floquet(load_scene(scene), period=1.0)
+    stiffness = 2.0 + 0.3 * rate**2 * 0.5  # and the centrifugal force
+    expected = np.exp(np.roots([inertia, damping, stiffness]))
+    np.testing.assert_allclose(
+        np.sort_complex(found.multipliers), np.sort_complex(expected), rtol=1e-9
+    )

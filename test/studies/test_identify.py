@@ -289,6 +289,7 @@ GOOD = {'crank_pin': 0.785, 'guide': 1.414}
         (['solver.step'], {}, 'no tangent by a number of the solver'),
         (['coupler.points'], {}, 'not one number'),
         (FIT, {'window': -1.0}, 'window'),
+        (FIT, {'window': 1e-300}, 'window: shorter than a step, got 1e-300'),
         (FIT, {'window': 0.02}, 'too few measurements in a window'),
         (FIT, {'hold_out': 1.5}, 'hold_out: out of range'),
         (FIT, {'hold_out': 0.9, 'window': 1.0}, 'no windows to keep away, or none to fit'),

@@ -119,6 +119,33 @@ def test_inputs_and_outputs_of_a_damped_pendulum() -> None:
     assert model.is_stable
 
 
+@pytest.mark.parametrize(('mass', 'length'), [(1e9, 1e3), (1e-6, 1e-3), (1e-6, 1e3)])
+def test_inputs_beside_large_and_small_loads(mass: float, length: float) -> None:
+    """A rod, m l² / 3 θ̈ = τ + l F: the hinge carries what a force on the tip leaves."""
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'O': {'at': [0, 0], 'fixed': True}, 'P': {'at': [0, -length]}},
+                'bodies': {'rod': {'points': ['O', 'P'], 'mass': mass, 'inertia': 'rod'}},
+                'joints': {'hinge': {'type': 'revolute', 'between': ['ground', 'rod'], 'at': 'O'}},
+            },
+            'effects': {'gravity': {'acceleration': [3.0, -9.0]}},
+        }
+    )
+    rest = equilibrium(scene)
+    outputs = ['hinge.position', 'hinge.force']
+    model = linearise(rest, inputs=['hinge.effort', 'wrenches.P.force.x'], outputs=outputs)
+    along = np.array(rest.points['P']) / length
+    turning = np.array([1.0 / length, -along[1]]) / np.sqrt(mass / 3.0)
+    np.testing.assert_allclose(np.abs(model.B[1]), np.abs(turning), rtol=1e-12)
+    across = np.array([-along[1], along[0]])
+    # of the joint's force: m/2 of the tip's acceleration 3 (τ / l + F · across) / m, less F
+    forces = 1.5 * np.outer(across, [1.0 / length, across[0]]) - [[0.0, 1.0], [0.0, 0.0]]
+    np.testing.assert_allclose(model.D[0], 0.0, atol=1e-12 * np.abs(turning).max())
+    np.testing.assert_allclose(model.D[1:], forces, atol=1e-10, rtol=1e-10)
+
+
 def test_targets_of_a_controlled_mechanism() -> None:
     """A motor (k_p, k_v) on a pendulum: its target acts with k_p, the speed of it with k_v."""
     motor = {
@@ -137,6 +164,13 @@ def test_targets_of_a_controlled_mechanism() -> None:
     np.testing.assert_allclose(sense * model.B, [[0, 0], [50, 6]], atol=1e-8)
     gain = -model.C @ np.linalg.solve(model.A, model.B)
     np.testing.assert_allclose(gain[0, 0], 1.0, atol=1e-9)
+
+
+def test_the_target_of_a_fast_motor() -> None:
+    motor = {'joint': 'j0', 'velocity': 5e4, 'velocity_gain': 6e4}
+    scene = chain(1, {'motor': motor, 'torsion_spring': {'joint': 'j0', 'stiffness': 6e9}})
+    model = linearise(scene, inputs=['targets.j0.velocity'])
+    np.testing.assert_allclose(np.abs(model.B[1]), 6e4, rtol=1e-10)
 
 
 def test_redundant_rows_change_nothing() -> None:
@@ -205,6 +239,13 @@ def test_files_hold_the_model(tmp_path: Path) -> None:
     assert mat['outputs'][0, 0].item() == 'points.P2.x'
     with pytest.raises(InputError, match=r"got 'm.txt'; expected .json or .mat or .npz"):
         model.write(tmp_path / 'm.txt')
+
+
+def test_a_path_that_is_none_is_refused() -> None:
+    model = linearise(chain(1))
+    for path in (None, 1, b'model.npz'):
+        with pytest.raises(InputError, match='path: not a path'):
+            model.write(path)  # type: ignore[arg-type]
 
 
 def test_control_is_asked_for_by_name() -> None:

@@ -326,6 +326,11 @@ def test_forces_over_time_and_of_reactions_have_no_fastest_run() -> None:
         fastest(crank(**friction), {'crank_pin': 12.0}, length=0.2)
 
 
+def test_efforts_are_applied_to_simulations_only() -> None:
+    with pytest.raises(InputError, match='simulation: not a simulation'):
+        loads(crank(), times=[0.0, 0.1]).apply_to('crank')  # type: ignore[arg-type]
+
+
 def test_actuators_that_lose_a_direction() -> None:
     """A push on B along the guide cannot hold the crank where B turns back (θ = 0)."""
     times = [0.1, np.pi / 4, 1.0]

@@ -296,6 +296,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({'sampling': 'grid'}, 'no such sampling'),
     ({'duration': 0}, 'duration: not usable'),
     ({'period': 2}, 'longer than the duration'),
+    ({'period': 1e-300}, 'period: too many samples'),
 ]
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from alf_ros.arrays import Floats
 from alf_ros.mechanism import Coordinate, Rotor, affine
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.joint_coordinates import rate
@@ -27,6 +28,16 @@ def rotor_rows(rotor: Rotor, layout: Layout) -> Iterator[Row]:
     yield motion(rotor.name, (affine.constant(tuple(-x)), z), *rate(coordinate, unit, layout))
     for axis, e in zip('yz', np.eye(D)[1:], strict=False):
         yield linear(f'{rotor.name}_{axis}', e, z)
+
+
+def rotor_blocks(layout: Layout) -> list[int]:
+    """Only rates bind these blocks: they are at another place after a turn."""
+    return [layout.of_auxiliary[rotor.name] for rotor in layout.mechanism.rotors]
+
+
+def without_rotors(layout: Layout, q: Floats) -> Floats:
+    """(other blocks, D) of q (blocks D,), m."""
+    return np.delete(q.reshape(-1, layout.dimension), rotor_blocks(layout), axis=0)
 
 
 def unit_of(coordinate: Coordinate, layout: Layout) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 
 from alf_ros import effects
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Coordinate
 from alf_ros.scene.scene import Scene
 from alf_ros.scene.sensors_section import Sensor
@@ -32,6 +33,8 @@ class Sensors:
     """
 
     def __init__(self, scene: Scene) -> None:
+        if not isinstance(scene, Scene):
+            raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
         self.sensors: Mapping[str, Sensor] = {each.label: each for each in scene.sensors}
         self._measures = {
             label: _MEASURES[sensor.kind](scene, sensor) for label, sensor in self.sensors.items()
@@ -122,7 +125,8 @@ class _ForceTorque(_Mounted):
         torque = np.zeros(3)
         torque[3 - np.size(reaction.torque) :] = reaction.torque
         for n, coordinate in self._coordinates:
-            effort = float(sample.joint_efforts[n]) * self._axis(sample, coordinate)
+            size = float(sample.joint_efforts[n] + sample.geared_efforts[n])
+            effort = size * self._axis(sample, coordinate)
             if coordinate.is_angle:
                 torque += effort
             else:

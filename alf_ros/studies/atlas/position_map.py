@@ -24,6 +24,7 @@ from alf_ros.studies.atlas.transmission import Bar, bar_between
 from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
 
 _ALONE, _SHEET = 200, 40  # random starts in vain: without neighbours, and with them
+_LEVELS = 25  # of the second coordinate
 _SAME = 1e-9  # rad, or of the size: two values that are one
 
 
@@ -150,7 +151,7 @@ def atlas(
     mechanism: Source,
     over: str | Sequence[str] | None = None,
     *,
-    levels: int | Sequence[float] = 25,
+    levels: int | Sequence[float] | None = None,
     hold: Mapping[str, float] | None = None,
     output: str | None = None,
     bar: Sequence[str] | None = None,
@@ -162,11 +163,11 @@ def atlas(
     mechanism: a scene, the name or path of a scene or a mechanism, or a mapping of either; drives
     and effects do not count. over: the input, a joint coordinate or a component of a point
     ('B.x'), and a second one for a mechanism with two freedoms; the first joint coordinate without
-    it. levels: values of the second coordinate, or how many. hold: other coordinates kept at a
-    value (rad or m), each of which takes a freedom. output: the coordinate for the velocity ratio
-    and the mechanical advantage; bar: the two points of a bar for the transmission angle, the
-    output end last (`transmission` defines them). starts: each sheet is searched from random
-    places until so many in a row find nothing new; 200, or 40 a sheet over two coordinates.
+    it. levels: values of the second coordinate, or how many, 25 if absent. hold: other coordinates
+    kept at a value (rad or m), each of which takes a freedom. output: the coordinate for the
+    velocity ratio and the mechanical advantage; bar: the two points of a bar for the transmission
+    angle, the output end last (`transmission` defines them). starts: each sheet is searched from
+    random places until so many in a row find nothing new; 200, or 40 a sheet over two coordinates.
 
     Raises InputError for names and numbers that are none, for another number of freedoms than
     coordinates, and for rows that bind velocities only; AssemblyError if the loops do not close,
@@ -177,6 +178,8 @@ def atlas(
     refuse_velocity_rows(bare)
     bare, adjusted = consistent(scene, bare)
     first, second = _inputs(bare, over)
+    if levels is not None and second is None:
+        raise InputError('there is no second coordinate', key='levels', value=levels)
     request = MapRequest(
         first,
         second,
@@ -188,7 +191,7 @@ def atlas(
         whole(seed, 'seed', 0),
     )
     held = _held(bare, hold, (first, second))
-    model, sheets = searched(scene, bare, held, request, levels)
+    model, sheets = searched(scene, bare, held, request, _LEVELS if levels is None else levels)
     return Atlas(
         scene.name,
         model,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,7 +76,7 @@ class Study(SentScene):
     @cached_property
     def times(self) -> Floats:
         """The instants of the period, and the end, s."""
-        count = math.floor(self.duration / self.period + check.CLOSE)
+        count = check.samples_of(self.duration, self.period)
         found = np.asarray(np.arange(count + 1) * self.period, dtype=float)
         is_end = self.duration - found[-1] <= check.CLOSE * self.period
         return found if is_end else np.append(found, self.duration)

@@ -73,6 +73,7 @@ def study_of(
     period = _positive(period, 'period')
     if period > duration:
         raise InputError('longer than the duration', key='period', value=period)
+    check.samples_of(duration, period)
     found = read_outputs(outputs)
     for output in found:
         if output.times and output.times[-1] > duration:

@@ -70,8 +70,12 @@ def cut(
     """Windows of about `length` (s) over steps of h (s), of which a part `hold_out` is kept away.
 
     `margin` (s): measurements as near to the ends of a window are left out, for a delay that is
-    fitted. Raises InputError for recordings that are too short.
+    fitted. Raises InputError for windows and recordings that are too short.
     """
+    if length < h:
+        raise InputError(
+            'shorter than a step', key='window', value=length, expected=f'{h:g} s or more'
+        )
     windows = []
     for number, recording in enumerate(recordings):
         own = [(n, each) for n, (of, each) in enumerate(channels) if of == number]

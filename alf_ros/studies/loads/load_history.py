@@ -116,6 +116,10 @@ class LoadHistory:
     def apply_to(self, simulation: Simulation) -> None:
         """Hold the efforts over time on the joints of a simulation: the forward run repeats the
         motion. Raises InputError for actuators that are wrenches."""
+        if not isinstance(simulation, Simulation):
+            raise InputError(
+                'not a simulation', key='simulation', value=simulation, expected='Simulation(…)'
+            )
         for name in self.names:
             simulation.apply_effort(name, self.curve(name))
 

@@ -221,6 +221,7 @@ def _period(simulation: Simulation, duration: float, given: Any, driven: bool) -
     asked = duration / SAMPLES if given is None else _positive(given, 'period')
     if asked > duration:
         raise InputError('longer than the duration', key='period', value=asked)
+    check.samples_of(duration, asked)
     if driven:
         return duration / max(1, round(duration / asked))
     steps = round(duration / h)

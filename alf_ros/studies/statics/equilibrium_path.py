@@ -10,12 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sparse
 
 from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run
+from alf_ros.model.compile import Model
+from alf_ros.model.constraints.rotors import rotor_blocks
 from alf_ros.scene.scene import Scene
+from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST
 from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.named_values import NamedValues
 from alf_ros.simulation.quantities import groups
@@ -31,7 +35,7 @@ from alf_ros.studies.statics.positions_of_rest import (
     found_at,
     in_order,
 )
-from alf_ros.studies.statics.sparse_rows import mass_matrix
+from alf_ros.studies.statics.sparse_rows import Sparse, mass_matrix
 from alf_ros.studies.statics.varied_scene import TIME, VariedScene
 
 if TYPE_CHECKING:
@@ -252,7 +256,7 @@ class EquilibriumPath:
         then all positions, joints and reactions. Raises OSError if it cannot be written."""
         columns, names = self.columns(), {event.index: event.name for event in self.events}
         lowest = self.stiffness[:, 0]
-        with open(path, 'w', encoding='utf-8', newline='') as stream:
+        with open(paths.named(path, 'path'), 'w', encoding='utf-8', newline='') as stream:
             table = csv.writer(stream)
             table.writerow([self.over, 'stability', 'stiffness', 'event', *columns])
             for k, value in enumerate(self.values):
@@ -291,12 +295,12 @@ def equilibrium_path(
     if not isinstance(over, str) or not over:
         raise InputError('no name', key='over', value=over, expected='spring.stiffness')
     varied = VariedScene(simulation, over, simulation.t if t is None else t)
-    first = varied.present if start is None else number(start, 'start')
-    last = number(end, 'end')
+    first = varied.present if start is None else _value(start, 'start')
+    last = _value(end, 'end')
     if first == last:
         raise InputError('a path has two ends', key='end', value=end, expected='not the start')
     limits = PathLimits(
-        last, 2.0 * first - last if back is None else number(back, 'back'), whole(most, 'most', 2)
+        last, 2.0 * first - last if back is None else _value(back, 'back'), whole(most, 'most', 2)
     )
     if (limits.back - first) * (last - first) > 0.0:
         raise InputError(
@@ -307,7 +311,7 @@ def equilibrium_path(
     rest = equilibrium(begun, t=driven, nearest=truth(nearest, 'nearest'))
     _check(rest)
     model = rest.simulation.model
-    mass = mass_matrix(model)
+    mass = _metric(model)
     length = np.sqrt(float(mass.diagonal().sum()) / model.layout.dimension)
     there = varied.at(first).instant(rest.state.q, rest.state.turns)
     scales = PathScales(mass, length * there.loads.tangents.length, abs(last - first))
@@ -317,10 +321,32 @@ def equilibrium_path(
     return EquilibriumPath(varied, course)
 
 
+def _value(given: float, key: str) -> float:
+    """A value of the number, as large as numbers of files are. Raises InputError."""
+    value = number(given, key)
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        expected = f'0, or {SMALLEST:g} to {LARGEST:g} in magnitude'
+        raise InputError('not usable', key=key, value=given, expected=expected)
+    return value
+
+
 def _at_rest(scene: Scene) -> Simulation:
     if not isinstance(scene, Scene):
         raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
     return Simulation(scene.at_rest())
+
+
+def _metric(model: Model) -> Sparse:
+    """(n, n) kg, of distances: M, but rotors lend their mass to all other blocks, for a path that
+    comes back after a turn leaves them at another place."""
+    mass, layout = mass_matrix(model), model.layout
+    rotors, D = rotor_blocks(layout), layout.dimension
+    if not rotors:
+        return mass
+    own = mass.diagonal()[::D][rotors]
+    lent = np.full(layout.movable, own.sum() / (layout.movable - len(rotors)))
+    lent[rotors] = -own
+    return mass + sparse.diags(np.repeat(lent, D), format='csr')
 
 
 def _check(rest: Equilibrium) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.model.carried_positions import blocks_of
+from alf_ros.model.constraints.rotors import without_rotors
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import number
 from alf_ros.simulation.sample import Sample
@@ -196,7 +197,8 @@ def _flow(instant: Instant, sample: Sample) -> Floats:
 
 def _checked_miss(instant: Instant, q: Floats, qd: Floats, period: float) -> tuple[float, float]:
     """How far (m, m/s) the motion ends from its start. Raises InputError if it is too far."""
-    far = float(np.abs(q - instant.q).max(initial=0.0))
+    apart = without_rotors(instant.model.layout, q - instant.q)
+    far = float(np.abs(apart).max(initial=0.0))
     off = float(np.abs(qd - instant.qd).max(initial=0.0))
     size = instant.model.size
     fastest = max(float(np.abs(instant.qd).max(initial=0.0)), size / period)

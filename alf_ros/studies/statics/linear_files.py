@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.studies.statics.linear_model import LinearModel
 
@@ -24,7 +25,7 @@ def write(model: LinearModel, path: str | Path) -> Path:
     states, inputs and outputs. In .json a complex number is a pair, its real part first. Raises
     InputError for another end of the name, OSError if the file cannot be written.
     """
-    path = Path(path)
+    path = paths.named(path, 'path')
     if path.suffix not in _WRITERS:
         raise InputError(
             'not a kind of file', value=path.name, expected=' or '.join(sorted(_WRITERS))

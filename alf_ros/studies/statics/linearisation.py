@@ -43,6 +43,7 @@ from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, 
 _AWAY = (3e-3, 3e-4, 3e-5, 3e-6, 3e-7, 3e-8, 3e-9, 3e-10, 3e-11)
 # of the largest slope of a row nearby: from there on an error means that there is no slope
 _KINKED = 1e-2
+_TARGET = 1e-4  # of the typical size of a target, of a difference: a motor may reach its limit
 _ROUNDED = 1e-12  # of the largest in a row of C or D, that is rounding of the differences
 
 
@@ -84,13 +85,14 @@ def linearise(
         notes.append(f'in a kink, without a slope (NaN): {", ".join(kinked)}')
     B = np.zeros((len(A), len(named)))
     places = instant.position_directions.shape[1]
+    sizes = _sizes(instant, sample, A, named)
     for k, each in enumerate(named):
-        B[places:, k] = instant.velocity_directions.T @ _pushed_by(instant, each)
+        B[places:, k] = instant.velocity_directions.T @ _pushed_by(instant, each, sizes[k])
     return LinearModel(
         A=A,
         B=B,
         C=C,
-        D=_direct(charted, simulation, state, t, names, named),
+        D=_direct(simulation, state, t, names, named, sizes),
         stiffness=stiffness,
         damping=damping,
         drift=drift,
@@ -150,17 +152,35 @@ def _motion(instant: Instant, sample: Sample) -> tuple[Floats, Floats, Floats, F
     return A, stiffness, damping, np.concatenate(rates)
 
 
-def _pushed_by(instant: Instant, each: NamedInput) -> Floats:
+def _sizes(
+    instant: Instant, sample: Sample, A: Floats, named: Sequence[NamedInput]
+) -> list[float]:
+    """Of each input a size that counts beside the forces of the instant, and beside those that a
+    displacement of a typical length makes; of the speed of a target, one of its own motions."""
+    length, angular = instant.loads.tangents.length, instant.model.layout.length
+    mass = float(instant.M.diagonal().sum()) / instant.model.layout.dimension
+    places = instant.position_directions.shape[1]
+    square = float(np.abs(A[places:, :places]).max(initial=0.0))  # 1/s²
+    acting = [instant.Q, sample.constraint_forces]
+    largest = [float(np.abs(forces).max(initial=0.0)) for forces in acting]
+    force, rate = max(*largest, mass * length * square) or 1.0, np.sqrt(square) or 1.0
+    sizes = {'N': force, 'N m': force * angular, 'm': length, 'rad': 1.0}
+    sizes |= {'m/s': length * rate, 'rad/s': rate}
+    return [sizes[each.unit] for each in named]
+
+
+def _pushed_by(instant: Instant, each: NamedInput, size: float) -> Floats:
     """(n,) ∂Q/∂u."""
     found, held = [], instant.loads.inputs
+    h = size * (_TARGET if each.name.startswith('targets.') else 1.0)
     for sign in (1.0, -1.0):
         try:
-            effects = instant.loads.with_inputs(each.added(held, sign * each.size))
+            effects = instant.loads.with_inputs(each.added(held, sign * h))
         except ValueError as error:
             raise InputError(str(error), key='inputs', value=each.name) from None
         at = instant.t, instant.q, instant.qd, instant.near, instant.rubbing
         found.append(forces(effects, *at))
-    return np.asarray((found[0] - found[1])[: instant.model.n] / (2.0 * each.size))
+    return np.asarray((found[0] - found[1])[: instant.model.n] / (2.0 * h))
 
 
 def _outputs(
@@ -233,24 +253,24 @@ def _quantity(sample: Sample, name: str) -> str:
 
 
 def _direct(
-    charted: _Charted,
     simulation: Simulation,
     state: State,
     t: float,
     names: tuple[str, ...],
     named: Sequence[NamedInput],
+    sizes: Sequence[float],
 ) -> Floats:
     """D (outputs, inputs)."""
     found = np.zeros((len(names), len(named)))
-    for k, each in enumerate(named if names else ()):
-        samples = []
-        for sign in (1.0, -1.0):
-            other = copy.copy(simulation)
-            pushed = replace(state, inputs=each.added(state.inputs, sign * each.size))
-            other.restore(pushed)
-            samples.append(other._sample(t, pushed, False))
-        values = _read(samples, names)
-        found[:, k] = (values[:, 0] - values[:, 1]) / (2.0 * each.size)
+
+    def values(each: NamedInput, change: float) -> Floats:
+        pushed = replace(state, inputs=each.added(state.inputs, change))
+        other = copy.copy(simulation)
+        other.restore(pushed)
+        return _read([other._sample(t, pushed, False)], names)[:, 0]
+
+    for k, (each, size) in enumerate(zip(named, sizes, strict=True) if names else ()):
+        found[:, k] = slope_at_zero(partial(values, each), [size * step for step in _AWAY]).slopes
     return _rounded(found, np.abs(found).max(axis=1, initial=0.0, keepdims=True))
 
 

@@ -22,16 +22,13 @@ from alf_ros.simulation.applied import Inputs, Target, Wrench
 from alf_ros.simulation.quantities import full_name
 from alf_ros.studies.statics.instant import Loads
 
-_EFFORT, _WRENCH, _TARGET = 1.0, 1.0, 1e-4  # N m, N; rad or m, and per second
-
 
 @dataclass(frozen=True)
 class NamedInput:
-    """An input: its name, its unit, the size of a difference, and what adds a value to Inputs."""
+    """An input: its name, its unit, and what adds a value to Inputs."""
 
     name: str
     unit: str
-    size: float
     added: Callable[[Inputs, float], Inputs]
 
 
@@ -50,19 +47,15 @@ def _all(loads: Loads, t: float) -> list[NamedInput]:
     axes = 'xyz' if space else 'xy'
     for each in model.coordinates:
         unit = 'N m' if each.is_angle else 'N'
-        found.append(
-            NamedInput(f'joints.{each.name}.effort', unit, _EFFORT, _effort(each.name, t))
-        )
+        found.append(NamedInput(f'joints.{each.name}.effort', unit, _effort(each.name, t)))
     for name in (*model.body_names, *model.point_names):
         for axis in range(len(axes)):
             path = f'wrenches.{name}.force.{axes[axis]}'
-            found.append(NamedInput(path, 'N', _WRENCH, _wrench(name, axis, None, len(axes))))
+            found.append(NamedInput(path, 'N', _wrench(name, axis, None, len(axes))))
         if name in model.body_names and model.layout.turns(name):
             for axis, end in enumerate(('.x', '.y', '.z') if space else ('',)):
                 path = f'wrenches.{name}.torque{end}'
-                found.append(
-                    NamedInput(path, 'N m', _WRENCH, _wrench(name, None, axis, len(axes)))
-                )
+                found.append(NamedInput(path, 'N m', _wrench(name, None, axis, len(axes))))
     for effect in loads.effects:
         module = registry.load(effect.kind)
         target = effect.target(model.coordinate_names)
@@ -75,7 +68,7 @@ def _all(loads: Loads, t: float) -> list[NamedInput]:
                 if does:
                     unit = ('rad' if angle else 'm') + '/s' * (what == 'velocity')
                     path = f'targets.{target}.{what}'
-                    found.append(NamedInput(path, unit, _TARGET, _target(effect, target, what, t)))
+                    found.append(NamedInput(path, unit, _target(effect, target, what, t)))
     return found
 
 

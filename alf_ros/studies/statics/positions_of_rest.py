@@ -6,25 +6,27 @@ import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from alf_ros import effects, kernel
-from alf_ros.arrays import Floats
+from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.branch_words import moving
 from alf_ros.model.compile import Model
-from alf_ros.model.prescribed import prescribe
+from alf_ros.model.constraints.rotors import without_rotors
+from alf_ros.model.prescribed import driven_angles, prescribe
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.sample import JointState, Reaction, Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
-from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended
-from alf_ros.studies.statics.instant import DENSE, Instant, Loads
+from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended, moved
+from alf_ros.studies.statics.instant import DENSE, Instant, Loads, counted
 from alf_ros.studies.statics.newton_rest import nearest_rest
 from alf_ros.studies.statics.rest_at_kink import ON_ONE_SIDE, UNDECIDED, with_both_sides
 from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stability_of
@@ -146,10 +148,9 @@ def equilibria(
     for turn in range(whole(starts, 'starts', 0) + 1):
         begin = start
         if turn:
-            away = np.array(start.q)
-            away[: model.n] += 0.5 * model.size * random.standard_normal(model.n)
+            away = 0.5 * model.size * random.standard_normal(model.n)
             try:
-                begin = replace(start, q=assembly.close(model, {}, away))
+                begin = moved(start, away)  # gears stay in mesh
             except AssemblyError:
                 continue
         for search in (descended, nearest_rest):
@@ -167,9 +168,8 @@ def equilibria(
 
 
 def _is_same(size: float, one: Equilibrium, other: Equilibrium) -> bool:
-    D = one.sample.model.layout.dimension
-    apart = np.abs(one.state.q - other.state.q).reshape(-1, D)[: one.sample.model.layout.movable]
-    return bool(apart.max(initial=0.0) <= _SAME * size)
+    apart = without_rotors(one.sample.model.layout, one.state.q - other.state.q)
+    return bool(np.abs(apart).max(initial=0.0) <= _SAME * size)
 
 
 def beginning(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, Instant]:
@@ -181,29 +181,34 @@ def beginning(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, I
     else:
         raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
     state, now = simulation.state, simulation.t
-    q = state.q
+    q, turns = state.q, state.turns
     if t is not None:
-        q, now = _driven(simulation, q, now, number(t, 't', 0.0)), float(t)
-    return simulation, Instant(Loads(simulation), now, q, np.zeros_like(q), state.turns)
+        q, turns = _driven(simulation, now, number(t, 't', 0.0))
+        now = float(t)
+    return simulation, Instant(Loads(simulation), now, q, np.zeros_like(q), turns)
 
 
-def _driven(simulation: Simulation, q: Floats, start: float, end: float) -> Floats:
-    """q (blocks D, m) with drives brought from one instant to another (s), bit by bit."""
+def _driven(simulation: Simulation, start: float, end: float) -> tuple[Floats, Integers]:
+    """q (blocks D, m) and turns with drives brought from one instant to another (s), bit by bit,
+    with gears in mesh."""
     model, now, step = simulation.model, start, end - start
+    q, turns = simulation.state.q, simulation.state.turns
     if not model.mechanism.prescribed:
-        return q
+        return q, turns
     rates = np.zeros((2, q.size))
+    angles = partial(driven_angles, model.layout, model.system)
     while abs(end - now) > 0.0:
         step = math.copysign(min(abs(step), abs(end - now)), end - start)
         there = np.array(q)
         prescribe(model.system, now + step, there, *rates)
-        far = float(np.abs(there - q).max()) > _DRIVEN * model.size
-        if far and abs(step) > 1e-9 * abs(end - start):
+        apart = np.append(there - q, model.layout.length * (angles(now + step) - angles(now)))
+        if np.abs(apart).max() > _DRIVEN * model.size and abs(step) > 1e-9 * abs(end - start):
             step *= 0.5
             continue
-        q = assembly.close(model, {}, there)
+        there = assembly.displaced(model, q, there - q)
+        q, turns = there, counted(model, q, turns, there)
         now, step = (end if abs(end - now - step) <= 1e-12 * abs(end) else now + step), 2.0 * step
-    return q
+    return q, turns
 
 
 def _better(landing: Landing, start: Instant) -> Landing:
