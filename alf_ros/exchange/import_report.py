@@ -100,6 +100,7 @@ MOTION = {
     'armature of tendons': 'the inertia of their drives is not counted',
     'motion of mocap bodies': 'they do not move',
     'motion of kinematic bodies': 'they do not move',
+    'sleeping bodies': 'they move from the start, not when something touches them',
     'flex': 'deformable bodies are omitted',
     'fluid': 'the air has no density, no viscosity, no wind',
     'added mass of fluids': 'these bodies move without it',

@@ -50,6 +50,7 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
         model, lighter = _compiled(mujoco, path)
         mjcf_actuators.reflect(mujoco, model)
         off = mjcf_switches.turn_off(mujoco, model)
+        mjcf_switches.override(mujoco, model)
         robot = _Reader(mujoco, model, str(path), positions, key).robot
     except UnicodeDecodeError as error:  # MuJoCo takes any bytes as names
         raise InputError(f'a name is not UTF-8: {error.object!r}', file=str(path)) from None
@@ -188,7 +189,7 @@ class _Reader:
         turns = model.jnt_type[joint] == self.mujoco.mjtJoint.mjJNT_HINGE
         place, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
         drawn = float(self.data.qpos[place])
-        lower, upper = model.jnt_range[joint]
+        lower, upper = model.jnt_range[joint] + model.jnt_margin[joint] * np.array([1.0, -1.0])
         if drawn:
             self.robot.leave('zero of joints', f'{name} at {drawn:.12g}')
         for kind, orders in (
@@ -245,6 +246,10 @@ class _Reader:
         for body in range(1, model.nbody):
             if model.body_mocapid[body] >= 0:
                 leave('motion of mocap bodies', self.bodies[body])
+            if model.body_plugin[body] >= 0:
+                leave('plugins', self.bodies[body])
+        for body in mjcf_switches.asleep(self.mujoco, model):
+            leave('sleeping bodies', self.bodies[body])
         if model.nflex:
             leave('flex', f'{model.nflex} deformable')
         if model.opt.density or model.opt.viscosity:

@@ -217,6 +217,42 @@ def test_each_is_named(tmp_path: Path, name: str, text: str, told: str) -> None:
         Simulation(load_scene(made)).step()
 
 
+CABLE = """<mujoco><extension><plugin plugin="mujoco.elasticity.cable"/></extension><worldbody>
+<composite prefix="c_" type="cable" curve="s" count="4 1 1" size="0.5" initial="none">
+<plugin plugin="mujoco.elasticity.cable"><config key="bend" value="4e6"/></plugin>
+<joint kind="main"/><geom type="capsule" size="0.005"/></composite></worldbody></mujoco>"""
+BALLS = """<mujoco>{}<worldbody>
+<body name="a" sleep="init"><joint name="j" type="slide"/><geom name="a" size="0.1" {}/></body>
+<body name="b" pos="0 0 1"><joint type="slide"/><geom name="b" size="0.1" {}/></body>
+</worldbody>{}</mujoco>"""
+PID = """<actuator><plugin name="act" plugin="mujoco.pid" joint="j" actdim="1">
+<config key="kp" value="4"/><config key="ki" value="1"/></plugin></actuator>"""
+PAIR, MASKED = (
+    '<contact><pair geom1="a" geom2="b"/></contact>',
+    ('contype="0" conaffinity="0"',) * 2,
+)
+
+
+@pytest.mark.parametrize(
+    'text, told',
+    [
+        (CABLE, 'plugins: forces and control that they apply are missing: c_B_first, c_B_1'),
+        (BALLS.format('<extension><plugin plugin="mujoco.pid"/></extension>', *MASKED, PID),
+         'actuators: they apply no force: act'),
+        (BALLS.format('', *MASKED, PAIR),
+         'contact between bodies: they pass through each other (2)'),
+        (BALLS.format('<option><flag sleep="enable"/></option>', *MASKED, ''),
+         'sleeping bodies: they move from the start, not when something touches them: a'),
+        (BALLS.format('', *MASKED, ''), None),
+    ],
+    ids=['plugin', 'actuator by a plugin', 'pair', 'asleep', 'nothing'],
+)  # fmt: skip
+def test_each_of_an_mjcf_is_named(tmp_path: Path, text: str, told: str | None) -> None:
+    pytest.importorskip('mujoco')
+    lines, _ = report(tmp_path, 'a.xml', text)
+    assert lines == [] if told is None else any(line.startswith(told) for line in lines), lines
+
+
 def test_a_joint_of_an_sdf_that_mimics_itself(tmp_path: Path) -> None:
     axis = '<axis><xyz>1 0 0</xyz><mimic joint="j"><multiplier>2</multiplier></mimic></axis>'
     with pytest.raises(InputError, match='j: it mimics itself'):
