@@ -33,7 +33,16 @@ _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismat
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
 _SEVERAL = ('planar', 'floating')  # types with several coordinates
-_READ = ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control')
+# by element the elements in it that are read, or named one by one; those of which it may have
+# several
+_READ = {
+    'robot': ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control'),
+    'link': ('inertial', 'visual', 'collision'),
+    'joint': ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
+    + ('calibration', 'safety_controller'),
+}
+_MANY = (*_READ['robot'], 'visual', 'collision')
+_HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
 _STILL = ': with --floating its root link moves'
@@ -310,9 +319,22 @@ class UrdfReader:
                 self.robot.leave('limits of velocity', joint.name)
             if limit is not None and limit.effort and joint.name not in pushed:
                 self.robot.leave('limits of effort', joint.name)
-        for element in self.xml:
-            if isinstance(element.tag, str) and element.tag not in _READ:
-                self.robot.leave('elements', f'{element.tag} {element.get("name", "")}'.strip())
+        for element in (self.xml, *self.xml):
+            self._leave_unknown(element)
+
+    def _leave_unknown(self, element: ElementTree.Element) -> None:
+        """Note elements in another one that URDF does not have, or has once."""
+        seen = set()
+        for each in element if element.tag in _READ else ():
+            if not isinstance(each.tag, str):  # a comment
+                continue
+            if each.tag in _READ[element.tag] and (each.tag in _MANY or each.tag not in seen):
+                seen.add(each.tag)
+                continue
+            tag = each.tag.rpartition('}')[2]
+            called = each.get('name') if element is self.xml else f'of {element.get("name", "")}'
+            kind = 'elements' if tag in _HARMLESS else 'unknown elements'
+            self.robot.leave(kind, f'{tag} {called or ""}'.strip())
 
 
 def _parsed(

@@ -74,6 +74,7 @@ PLANE = (
 )
 HALF = f"""<link name="disk">{LINK}</link><joint name="on" type="fixed"><parent link="arm"/>
 <child link="disk"/></joint><gazebo reference="disk"><gravity>0</gravity></gazebo>"""
+UNKNOWN = 'unknown elements: URDF has no such element, or only one: what they do to'
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -199,6 +200,16 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
             LIMIT, '<dynamics damping="1"/>'), JOINTS),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
             LIMIT, '<dynamics damping="1"/>'), JOINTS),
+        ('a.urdf', URDF.replace('MORE', '<loop_joint name="l" type="revolute"/>'),
+         f'{UNKNOWN} the motion is missing: loop_joint l'),
+        ('a.urdf', URDF.replace('MORE', '<drake:linear_bushing_rpy/>'),
+         f'{UNKNOWN} the motion is missing: linear_bushing_rpy'),
+        ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, LIMIT + '<dynamic damping="1"/>'),
+         f'{UNKNOWN} the motion is missing: dynamic of j'),
+        ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, 2 * '<dynamics damping="1"/>'),
+         f'{UNKNOWN} the motion is missing: dynamics of j'),
+        ('a.urdf', URDF.replace('MORE', '').replace(LINK, 2 * LINK),
+         f'{UNKNOWN} the motion is missing: inertial of arm'),
         ('a.sdf', universal(TWO), JOINTS),
         ('a.sdf', universal('', '<dynamics><damping>1</damping></dynamics>'), JOINTS),
         ('a.sdf', universal('', '<mimic joint="j"><multiplier>1</multiplier></mimic>'),
@@ -282,6 +293,13 @@ def test_extensions_of_gazebo_without_an_effect_are_no_change_of_the_motion(
     gazebo = f'<gazebo reference="arm">{harmless}</gazebo>'
     lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', gazebo))
     assert lines == report(tmp_path, 'a.urdf', URDF.replace('MORE', ''))[0]
+
+
+def test_elements_for_sensing_change_no_motion(tmp_path: Path) -> None:
+    more = '<!-- a comment --><sensor name="s"/><material name="grey"/>'
+    expected, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', ''))
+    lines, made = report(tmp_path, 'a.urdf', URDF.replace('MORE', more))
+    assert lines == expected and '#   elements: sensor s\n' in made.read_text('utf-8')
 
 
 def test_a_transmission_that_reduces_nothing_is_not_listed(tmp_path: Path) -> None:
