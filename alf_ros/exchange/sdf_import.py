@@ -27,21 +27,26 @@ _DEEPEST = 40  # models in models
 _STILL = ': every link is fixed to the world, or its model is static'
 
 
-def read(path: Path, positions: Mapping[str, float]) -> Robot:
-    """The robot of a file: of its first world, or of its models. Raises InputError."""
+def read(
+    path: Path, positions: Mapping[str, float], arguments: Mapping[str, str] | None = None
+) -> Robot:
+    """The robot of a file: of its first world, or of its models.
+
+    arguments: of a xacro. Raises InputError.
+    """
     if positions:
         message = 'not for SDF, which places each link: change the <pose> of links'
         raise InputError(message, key='--set', value=next(iter(positions)))
-    return _Reader(path).robot
+    return _Reader(path, arguments).robot
 
 
 class _Reader:
     """Links and frames of all models first, then the joints between them."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, arguments: Mapping[str, str] | None) -> None:
         self.path = path
         self._unsaid: list[str] = []  # files without a version, or with another than known ones
-        root = self._root(path)
+        root = self._root(path, arguments)
         world = root.find('world')
         top = root if world is None else world
         models = [each for each in top if each.tag in ('model', 'include')]
@@ -67,9 +72,9 @@ class _Reader:
         for name in self._unsaid:
             self.robot.leave('version of SDF', name)
 
-    def _root(self, path: Path) -> ElementTree.Element:
+    def _root(self, path: Path, arguments: Mapping[str, str] | None = None) -> ElementTree.Element:
         """The root of a file, as the newest version has it. Raises InputError."""
-        root, unsaid = sdf_versions.root_of(path)
+        root, unsaid = sdf_versions.root_of(path, arguments)
         self._unsaid += [unsaid] if unsaid else []
         return root
 

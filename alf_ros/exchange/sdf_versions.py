@@ -7,6 +7,7 @@ the model, 1.4 and 1.5 have gravity in <physics>, and until 1.6 a <pose> has `fr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -21,9 +22,14 @@ _OLDEST, NEWEST = 4, 12  # minor versions that are read
 _AXES_OF_JOINTS, _GRAVITY_OF_WORLD, _RELATIVE_TO = 5, 6, 7
 
 
-def root_of(path: Path) -> tuple[ElementTree.Element, str]:
-    """The root of a file, and its version if it is not one that is expected. Raises InputError."""
-    root = xml_file.root_of(path)
+def root_of(
+    path: Path, arguments: Mapping[str, str] | None = None
+) -> tuple[ElementTree.Element, str]:
+    """The root of a file, and its version if it is not one that is expected.
+
+    arguments: of a xacro. Raises InputError.
+    """
+    root = xml_file.root_of(path, arguments)
     given = root.get('version')
     minor = minor_of(f'1.{NEWEST}' if given is None else given)
     if minor is None:

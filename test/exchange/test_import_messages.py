@@ -37,6 +37,26 @@ def test_arguments_that_a_xacro_names_are_taken(inside: str, mass: str, tmp_path
     assert 'mass: 2' in imported(path, arguments={'size': '2'})
 
 
+def test_an_argument_of_an_sdf_is_taken_and_of_other_formats_refused(tmp_path: Path) -> None:
+    pytest.importorskip('xacro')
+    sdf = f"""<sdf version="1.9" xmlns:xacro="http://www.ros.org/wiki/xacro">{SIZE}<model name="m">
+    <link name="bar"><inertial><mass>$(arg size)</mass></inertial></link></model></sdf>"""
+    path = saved(tmp_path, 'it.sdf.xacro', sdf)
+    assert 'mass: 2' in imported(path, arguments={'size': '2'})
+    with pytest.raises(InputError, match="--argument: no such argument, got 'sice'"):
+        main([path, '--argument', 'sice=2'])
+    plain = sdf.replace('xacro', 'x')
+    for name, text in (('it.sdf', plain), ('it.xml', '<mujoco/>'), ('it.usda', '')):
+        with pytest.raises(InputError, match="--argument: for xacro only, got 'size'"):
+            main([saved(tmp_path, name, text), '--argument', 'size=2'])
+
+
+def test_a_plane_for_formats_that_take_none(tmp_path: Path) -> None:
+    for name, text, of in (('it.xml', '<mujoco/>', 'MJCF'), ('it.usda', '', 'USD')):
+        with pytest.raises(InputError, match=f'--ground: not for {of}'):
+            main([saved(tmp_path, name, text), '--ground', '0'])
+
+
 def test_an_argument_of_an_included_file_is_taken(tmp_path: Path) -> None:
     pytest.importorskip('xacro')
     other = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
