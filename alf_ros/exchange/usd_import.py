@@ -185,6 +185,8 @@ class _Reader:
         stage, leave = self.stage, self.robot.leave
         if stage.holds(prim, 'physxRigidBody:disableGravity', False):
             leave('gravity off', part)
+        if stage.holds(prim, 'physics:startsAsleep', False):
+            leave('sleeping bodies', part)
         if any(
             stage.number(prim, f'physxRigidBody:{kind}Damping') for kind in ('linear', 'angular')
         ):
