@@ -14,7 +14,14 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import sdf_joints, sdf_merge, sdf_resources, sdf_versions, sdf_visuals
+from alf_ros.exchange import (
+    sdf_elements,
+    sdf_joints,
+    sdf_merge,
+    sdf_resources,
+    sdf_versions,
+    sdf_visuals,
+)
 from alf_ros.exchange.robot import Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, pose_of
 from alf_ros.exchange.sdf_joints import SdfJoints
@@ -167,6 +174,9 @@ class _Reader:
         around it is static, or feels the wind."""
         if scope.count('::') > _DEEPEST:
             raise self.robot.error('include', 'a model that includes itself')
+        sdf_elements.leave_unknown(
+            self.robot, element, scope.rstrip(':') or element.get('name', '')
+        )
         self._merge(element, MODEL)
         pose = element.find('pose')
         to = '' if pose is None else pose.get('relative_to', '')
@@ -204,6 +214,7 @@ class _Reader:
         above = self._later(to, scope) if to else scope + MODEL
         self.frames.add(name, self._pose(element), above)
         self.links[name] = self._part(element, self._short(name))
+        sdf_elements.leave_unknown(self.robot, element, self._short(name))
         if still:
             self.still.add(name)
         elif is_true(element.findtext('kinematic')):  # no force moves it
@@ -243,6 +254,7 @@ class _Reader:
         child = self._side(element, 'child')
         above = self._later(to or child, scope)
         own = scope + self._name(element)
+        sdf_elements.leave_unknown(self.robot, element, self._short(own))
         self.frames.add(own, self._pose(element), above, self._later(child, scope))
         self.joints.append((scope, element))
 

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
+    unknown_elements,
     urdf_actuators,
     urdf_gazebo,
     urdf_joint_types,
@@ -33,15 +34,14 @@ _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismat
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
 _SEVERAL = ('planar', 'floating')  # types with several coordinates
-# by element the elements in it that are read, or named one by one; those of which it may have
-# several
+# by element the elements in it that are read, or named one by one
 _READ = {
     'robot': ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control'),
     'link': ('inertial', 'visual', 'collision'),
     'joint': ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
     + ('calibration', 'safety_controller'),
 }
-_MANY = (*_READ['robot'], 'visual', 'collision')
+_SEVERAL_OF = (*_READ['robot'], 'visual', 'collision')
 _HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
@@ -320,21 +320,13 @@ class UrdfReader:
             if limit is not None and limit.effort and joint.name not in pushed:
                 self.robot.leave('limits of effort', joint.name)
         for element in (self.xml, *self.xml):
-            self._leave_unknown(element)
-
-    def _leave_unknown(self, element: ElementTree.Element) -> None:
-        """Note elements in another one that URDF does not have, or has once."""
-        seen = set()
-        for each in element if element.tag in _READ else ():
-            if not isinstance(each.tag, str):  # a comment
+            if element.tag not in _READ:
                 continue
-            if each.tag in _READ[element.tag] and (each.tag in _MANY or each.tag not in seen):
-                seen.add(each.tag)
-                continue
-            tag = each.tag.rpartition('}')[2]
-            called = each.get('name') if element is self.xml else f'of {element.get("name", "")}'
-            kind = 'elements' if tag in _HARMLESS else 'unknown elements'
-            self.robot.leave(kind, f'{tag} {called or ""}'.strip())
+            for tag, each in unknown_elements.of(element, _READ[element.tag], _SEVERAL_OF):
+                is_top = element is self.xml
+                called = each.get('name', '') if is_top else f'of {element.get("name", "")}'
+                kind = 'elements' if tag in _HARMLESS else 'unknown elements'
+                self.robot.leave(kind, f'{tag} {called}'.strip())
 
 
 def _parsed(

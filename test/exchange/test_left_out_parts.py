@@ -74,7 +74,10 @@ PLANE = (
 )
 HALF = f"""<link name="disk">{LINK}</link><joint name="on" type="fixed"><parent link="arm"/>
 <child link="disk"/></joint><gazebo reference="disk"><gravity>0</gravity></gazebo>"""
-UNKNOWN = 'unknown elements: URDF has no such element, or only one: what they do to'
+UNKNOWN = (
+    'unknown elements: the format has no such element there, or only one: what they do to '
+    'the motion is missing'
+)
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -117,6 +120,16 @@ SCREW = '<axis><xyz>0 1 0</xyz>{}</axis>{}'
         (hinge(joint=ode('<max_force>3</max_force>')), 'actuators: they apply no force: j (max'),
         (sdf('screw', SCREW.format(TWO, '<screw_thread_pitch>1</screw_thread_pitch>')),
          'limits of screws: of angles or of lengths'),
+        (hinge('<dynamic><damping>1</damping></dynamic>'),
+         f'{UNKNOWN}: dynamic of j'),
+        (hinge('<dynamics><drake:spring>1</drake:spring></dynamics>'),
+         f'{UNKNOWN}: spring of j'),
+        (hinge('<xyz>1 0 0</xyz>'), f'{UNKNOWN}: xyz of j'),
+        (hinge(joint='<drake:rotor_inertia>1</drake:rotor_inertia>'),
+         f'{UNKNOWN}: rotor_inertia of j'),
+        (of_arm('<mass>2</mass>'), f'{UNKNOWN}: mass of arm'),
+        (sdf('ball', '', '<drake:linear_bushing_rpy/>'),
+         f'{UNKNOWN}: linear_bushing_rpy of m'),
         (sdf('screw', SCREW.format('', '')), 'pitch of screws: default of SDF'),
         (sdf('ball', '', '<model_state name="m"/>'), 'state of the world: models start'),
     ],
@@ -201,15 +214,15 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
             LIMIT, '<dynamics damping="1"/>'), JOINTS),
         ('a.urdf', URDF.replace('MORE', '<loop_joint name="l" type="revolute"/>'),
-         f'{UNKNOWN} the motion is missing: loop_joint l'),
+         f'{UNKNOWN}: loop_joint l'),
         ('a.urdf', URDF.replace('MORE', '<drake:linear_bushing_rpy/>'),
-         f'{UNKNOWN} the motion is missing: linear_bushing_rpy'),
+         f'{UNKNOWN}: linear_bushing_rpy'),
         ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, LIMIT + '<dynamic damping="1"/>'),
-         f'{UNKNOWN} the motion is missing: dynamic of j'),
+         f'{UNKNOWN}: dynamic of j'),
         ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, 2 * '<dynamics damping="1"/>'),
-         f'{UNKNOWN} the motion is missing: dynamics of j'),
+         f'{UNKNOWN}: dynamics of j'),
         ('a.urdf', URDF.replace('MORE', '').replace(LINK, 2 * LINK),
-         f'{UNKNOWN} the motion is missing: inertial of arm'),
+         f'{UNKNOWN}: inertial of arm'),
         ('a.sdf', universal(TWO), JOINTS),
         ('a.sdf', universal('', '<dynamics><damping>1</damping></dynamics>'), JOINTS),
         ('a.sdf', universal('', '<mimic joint="j"><multiplier>1</multiplier></mimic>'),
