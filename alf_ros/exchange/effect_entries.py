@@ -8,8 +8,7 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from alf_ros.exchange.robot import Actuator, FramePose, Robot, Tendon
-from alf_ros.mechanism import GROUND
+from alf_ros.exchange.robot import GROUND, Actuator, FramePose, Robot, Tendon
 from alf_ros.scene.text.repetition import NAME
 
 _LOSSES = 10.0  # s/m: no impact leaves the ground faster than 0.1 m/s

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from alf_ros.exchange import ground_touches
-from alf_ros.exchange.robot import FixedPlane, FramePose, Robot
+from alf_ros.exchange.robot import GROUND, FixedPlane, FramePose, Robot
 from alf_ros.exchange.visuals import moved, shape
-from alf_ros.mechanism import GROUND, VisualShape
+from alf_ros.mechanism import VisualShape
 
 _MANY = 2000  # geoms: of more, pairs of bodies are not looked for one by one
 

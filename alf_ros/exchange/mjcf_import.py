@@ -22,8 +22,7 @@ from alf_ros.exchange import (
     mjcf_switches,
     mjcf_tendons,
 )
-from alf_ros.exchange.robot import BodyVelocity, Connection, Robot, RobotPart, lumped
-from alf_ros.mechanism import GROUND
+from alf_ros.exchange.robot import GROUND, BodyVelocity, Connection, Robot, RobotPart, lumped
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _CENTRED = 1e-9  # of the extent: how far from the centre of mass a force of gravity may act

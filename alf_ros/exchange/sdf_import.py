@@ -22,11 +22,10 @@ from alf_ros.exchange import (
     sdf_versions,
     sdf_visuals,
 )
-from alf_ros.exchange.robot import Robot, RobotPart
+from alf_ros.exchange.robot import GROUND, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, pose_of
 from alf_ros.exchange.sdf_joints import SdfJoints
 from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers
-from alf_ros.mechanism import GROUND
 
 _GRAVITY = '0 0 -9.8'
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')

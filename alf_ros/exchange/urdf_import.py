@@ -26,9 +26,9 @@ from alf_ros.exchange import (
     urdf_visuals,
     xml_file,
 )
-from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
+from alf_ros.exchange.robot import GROUND, STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.exchange.urdf_motions import TreeMotion
-from alf_ros.mechanism import GROUND
+from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
 _MOVES = urdf_motions.SINGLE
@@ -296,7 +296,7 @@ class UrdfReader:
 
     def part(self, link: str, key: str) -> tuple[str, FramePose]:
         """The part that a link of a loop belongs to, and the link's pose."""
-        if link in (GROUND, 'world') and link not in self.links:
+        if link in (GROUND_IN_FILES, 'world') and link not in self.links:
             return GROUND, STILL
         if link not in self.links:
             raise self.error(key, 'no such link', value=link, choices=self.links)
