@@ -22,7 +22,15 @@ from alf_ros.exchange import (
     mjcf_switches,
     mjcf_tendons,
 )
-from alf_ros.exchange.robot import GROUND, BodyVelocity, Connection, Robot, RobotPart, lumped
+from alf_ros.exchange.robot import (
+    GROUND,
+    BodyVelocity,
+    Connection,
+    Robot,
+    RobotPart,
+    free_name,
+    lumped,
+)
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _CENTRED = 1e-9  # of the extent: how far from the centre of mass a force of gravity may act
@@ -128,7 +136,8 @@ class _Reader:
     def _names(self, kind: str, count: int) -> list[str]:
         """Of all things of a kind; unnamed ones are numbered, as MuJoCo counts them."""
         of = getattr(self.model, kind)
-        return [of(n).name or f'{kind}{n}' for n in range(count)]
+        given = [of(n).name for n in range(count)]
+        return [name or free_name(f'{kind}{n}', given) for n, name in enumerate(given)]
 
     def _set(self, positions: Mapping[str, float]) -> None:
         hinge, slide = self.mujoco.mjtJoint.mjJNT_HINGE, self.mujoco.mjtJoint.mjJNT_SLIDE
@@ -173,7 +182,7 @@ class _Reader:
                 continue
             child = self.bodies[body]
             if joint != joints[-1]:
-                child = f'{child}_below_{name}'
+                child = free_name(f'{child}_below_{name}', self.bodies)
                 self.robot.parts.append(RobotPart(child, place, 0.0, place, np.zeros((3, 3))))
             if model.jnt_type[joint] == kinds.mjJNT_BALL:
                 self._leave_dynamics(joint)

@@ -225,7 +225,8 @@ class Robot:
     def connect(self, connection: Connection, end: Floats | None = None) -> None:
         """Add a connection, of which the child's end (3,) is drawn at `end`. Raises InputError.
 
-        The ground comes first: turned round, a joint has the same coordinates about -axes.
+        The ground comes first: turned round, a joint has the same coordinates about -axes. A loop
+        may have the name of a joint in the file: it gets another one.
         """
         name, (parent, child) = connection.name, (connection.parent, connection.child)
         if parent == child:
@@ -246,6 +247,9 @@ class Robot:
             connection = replace(connection, parent=child, child=parent, axes=axes)
             if start is not None:
                 connection = replace(connection, start=place, place=start)
+        if (own := free_name(name, {each.name for each in self.connections})) != name:
+            self.leave('names, changed', f'loop {name} is {own}')
+            connection = replace(connection, name=own)
         self.connections.append(connection)
 
     def add_links(
@@ -286,6 +290,14 @@ class Robot:
     def error(self, key: str, message: str, **details: Any) -> InputError:
         """Return an InputError with file and key; `details` are its other fields."""
         return InputError(message, file=self.file, key=key, **details)
+
+
+def free_name(wanted: str, taken: Container[str]) -> str:
+    """The name wanted, or with the first number that makes it free."""
+    name, n = wanted, 2
+    while name in taken:
+        name, n = f'{wanted}_{n}', n + 1
+    return name
 
 
 def lumped(name: str, origin: Floats, parts: Iterable[RobotPart]) -> RobotPart:

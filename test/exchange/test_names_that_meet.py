@@ -1,4 +1,8 @@
-"""A body of a file may be called as the ground of alf_ros: it moves as with another name."""
+"""Names that meet here and do not in the file: the robot moves as with other names.
+
+A body may be called as the ground of alf_ros, a loop as a joint, a body as MuJoCo's number of one
+without a name.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import pytest
 import support.imported_robots as robots
 from alf_ros import InputError
 from alf_ros.exchange.import_file import imported
+from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved, simulate
 from support.usd_robots import body, joint, massive, stage
 
@@ -72,3 +77,44 @@ def test_the_report_calls_the_ground_so(tmp_path: Path) -> None:
     urdf = FORMATS['it.urdf'].replace('</robot>', f'{LOOP}</robot>')
     with pytest.raises(InputError, match='bolt: both sides are of the ground'):
         imported(saved(tmp_path, 'it.urdf', urdf))
+
+
+def four_bar(loop: str, *names: str) -> str:
+    """An MJCF with a loop, and the names of its three bodies."""
+    a, b, c = (f'name="{name}"' if name else '' for name in names)
+    return f"""<mujoco><worldbody><body {a}><joint name="knee" axis="0 1 0" stiffness="2"/>
+<geom size="0.1" pos="0.2 0 0"/><body {b} pos="0.3 0 0"><joint name="mid" axis="0 1 0"/>
+<geom size="0.1" pos="0.2 0 -0.1"/></body></body><body {c} pos="0.6 0 0">
+<joint name="top" axis="0 1 0"/><geom size="0.05" pos="0 0 -0.2"/></body></worldbody>
+<equality><connect name="{loop}" body1="{names[1]}" body2="{names[2]}" anchor="0.3 0 -0.4"/>
+</equality></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ('text', 'told'),
+    [
+        (four_bar('knee', 'a', 'b', 'c'), 'names, changed: loop knee is knee_2'),
+        (four_bar('eye', '', 'body1', 'c'), 'softness: constraints hold exactly: eye'),
+    ],
+    ids=['a loop and a joint', 'a body without name'],
+)
+def test_names_of_an_mjcf(text: str, told: str, tmp_path: Path) -> None:
+    pytest.importorskip('mujoco')
+    found = []
+    for each in (four_bar('eye', 'a', 'b', 'c'), text):
+        report = imported(saved(tmp_path, 'it.xml', each), scene=True)
+        simulation = simulate(report)
+        simulation.step(100)
+        joints = simulation.sample().joints
+        found.append([joints[name].position for name in ('knee', 'mid', 'top')])
+    assert f'#   {told}\n' in report
+    assert found[1] == pytest.approx(found[0], abs=1e-12) and max(map(abs, found[0])) > 1e-3
+
+
+def test_a_loop_of_a_urdf_with_the_name_of_a_joint(tmp_path: Path) -> None:
+    """Both are there: two rods on one pin, held together."""
+    loop = LOOP.replace('bolt', 'pin').replace('world', 'plate').replace('"revolute"', '"ball"')
+    arm = FORMATS['it.urdf'].replace('</robot>', f'{loop.replace("base", "arm")}</robot>')
+    path = saved(tmp_path, 'it.urdf', arm)
+    kinds = [joint.kind for joint in scene_from_text(imported(path, scene=True)).mechanism.joints]
+    assert kinds == ['revolute', 'revolute', 'spherical']
