@@ -76,7 +76,11 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
     for actuator in robot.actuators:
         if actuator.on_tendon and actuator.joint in shapes:
             shape, drawn = shapes[actuator.joint]
-            entries[_label(actuator.name, entries)] = shape | _drive(actuator, drawn)
+            taken = {
+                *entries,
+                *named.joints.values(),
+            }  # targets of a joint's name are for the joint
+            entries[_label(actuator.name, taken)] = shape | _drive(actuator, drawn)
     return entries
 
 

@@ -121,7 +121,7 @@ def text(
     stiffness of a `ground_contact` of each ball that touches a plane, N/m^1.5.
     """
     names = _Names(robot)
-    joints = {c.name: names.take(c.name) for c in robot.connections}
+    joints = {c.name: names.take(c.name, _of_coordinates(c.kind)) for c in robot.connections}
     bodies = {part.name: names.take(part.name, _OF_BODY) for part in robot.parts}
     bodies[GROUND] = GROUND_IN_FILES
     points = _Points(robot, names)
@@ -188,6 +188,13 @@ def text(
         for each in robot.touches:
             robot.leave('contact with the ground (see --contact)', each.part)
     return _head(robot, version) + serialise(entry(whole))
+
+
+def _of_coordinates(kind: str) -> list[str]:
+    """The suffixes of the coordinates of a joint that has several."""
+    found = joints.find(kind, 3)
+    freedoms = () if found is None else found.freedoms
+    return [f'_{each.suffix}' for each in freedoms] if len(freedoms) > 1 else []
 
 
 def _body(part: RobotPart, points: _Points, carried: list[str]) -> dict[str, Any]:

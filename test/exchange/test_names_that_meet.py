@@ -7,6 +7,7 @@ without a name.
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import indent
 
 import pytest
 
@@ -118,3 +119,31 @@ def test_a_loop_of_a_urdf_with_the_name_of_a_joint(tmp_path: Path) -> None:
     path = saved(tmp_path, 'it.urdf', arm)
     kinds = [joint.kind for joint in scene_from_text(imported(path, scene=True)).mechanism.joints]
     assert kinds == ['revolute', 'revolute', 'spherical']
+
+
+def test_a_joint_called_as_a_coordinate_of_another(tmp_path: Path) -> None:
+    """The first angle of a universal joint `pin` is `pin_first`."""
+    axes = '<axis><xyz>1 0 0</xyz></axis><axis2><xyz>0 1 0</xyz></axis2>'
+    first = (
+        'type="revolute"><parent>world</parent><child>plate</child>\n<axis><xyz>0 1 0</xyz></axis>'
+    )
+    sdf = FORMATS['it.sdf'].replace('knee', 'pin_first')
+    assert first in sdf
+    both = first.replace('revolute', 'universal').replace('<axis><xyz>0 1 0</xyz></axis>', axes)
+    text = imported(saved(tmp_path, 'it.sdf', sdf.replace(first, both)))
+    assert '#   names, changed: pin_first is pin_first_2\n' in text
+    assert set(simulate(f'mechanism:\n{indent(text, "  ")}').sample().joints) == {
+        'pin_first', 'pin_second', 'pin_first_2',
+    }  # fmt: skip
+
+
+def test_a_servo_on_a_tendon_with_the_name_of_a_joint(tmp_path: Path) -> None:
+    """Each takes targets by its own name."""
+    pytest.importorskip('mujoco')
+    more = """<tendon><fixed name="cord"><joint joint="pin" coef="1"/></fixed></tendon>
+<actuator><position name="pin" tendon="cord" kp="5"/></actuator></mujoco>"""
+    source = FORMATS['it.xml'].replace('</mujoco>', more)
+    simulation = simulate(imported(saved(tmp_path, 'it.xml', source), scene=True))
+    simulation.apply_target('pin_2', position=0.3)
+    with pytest.raises(InputError, match='pin: no motor with a position_gain on it'):
+        simulation.apply_target('pin', position=0.3)
