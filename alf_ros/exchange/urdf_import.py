@@ -319,6 +319,8 @@ class UrdfReader:
                 self.robot.leave('limits of velocity', joint.name)
             if limit is not None and limit.effort and joint.name not in pushed:
                 self.robot.leave('limits of effort', joint.name)
+            elif limit is not None and not limit.effort and joint.name in pushed:
+                self.robot.leave('limits of effort', f'{joint.name} is 0: its motor has none')
         for element in (self.xml, *self.xml):
             if element.tag not in _READ:
                 continue
