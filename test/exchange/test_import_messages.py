@@ -152,3 +152,22 @@ def test_a_robot_file_is_no_scene(name: str) -> None:
         assert expected in str(caught.value)
     with pytest.raises(InputError, match='a robot file'):
         load_scene({'mechanism': name})
+
+
+@pytest.mark.parametrize(
+    ('name', 'message'),
+    [
+        ('sholder', "no such joint, got 'sholder'; did you mean 'shoulder'"),
+        ('held', "not a joint with one coordinate, got 'held'"),
+    ],
+)
+def test_a_wrong_position_in_a_side_file_has_its_line(
+    name: str, message: str, tmp_path: Path
+) -> None:
+    """Such a position was called one of --set."""
+    held = '<link name="l"/><joint name="held" type="fixed"><parent link="base"/><child link="l"/>'
+    robot = robots.double_pendulum().replace('</robot>', f'{held}</joint></robot>')
+    side = saved(tmp_path, 'side.yaml', f'loops: {{}}\npositions:\n  {name}: 0.1\n')
+    with pytest.raises(InputError) as caught:
+        main([saved(tmp_path, 'it.urdf', robot), '--loops', side])
+    assert str(caught.value).startswith(f'{side}:3: positions.{name}: {message}')
