@@ -51,7 +51,9 @@ def loops(path: Path, reader: UrdfReader) -> list[TwoEndedLoop]:
     types = {name: joint.type for name, joint in reader.joints.items()}
     poses = reader.poses_at(reader.drawn(positions(path, types)))
     return [
-        _two_ended(name, entry) if _has_two_ends(entry) else _drawn(name, entry, reader, poses)
+        _two_ended(name, entry, reader)
+        if _has_two_ends(entry)
+        else _drawn(name, entry, reader, poses)
         for name, entry in ({} if section is None else section.mapping()).items()
     ]
 
@@ -61,13 +63,14 @@ def _has_two_ends(entry: Entry) -> bool:
     return 'at' not in fields and 'type' in fields and fields['type'].text() in _TWO_ENDS
 
 
-def _two_ended(name: str, entry: Entry) -> TwoEndedLoop:
+def _two_ended(name: str, entry: Entry, reader: UrdfReader) -> TwoEndedLoop:
     kind = entry.mapping()['type'].text()
     keys = ('type', 'between', *(('axis',) if kind == 'revolute' else ()))
     fields = entry.mapping(keys, keys)
     turn = rotation_to(unit(fields['axis'], 3, {})) if 'axis' in fields else np.eye(3)
     frame = FramePose(np.zeros(3), turn)
-    first, second = (LoopEnd(side.text(), frame) for side in fields['between'].sequence(2))
+    known = tuple(dict.fromkeys((*reader.links, GROUND, 'world')))
+    first, second = (LoopEnd(side.text(known), frame) for side in fields['between'].sequence(2))
     return TwoEndedLoop(name, kind, (first, second))
 
 

@@ -171,3 +171,13 @@ def test_a_wrong_position_in_a_side_file_has_its_line(
     with pytest.raises(InputError) as caught:
         main([saved(tmp_path, 'it.urdf', robot), '--loops', side])
     assert str(caught.value).startswith(f'{side}:3: positions.{name}: {message}')
+
+
+def test_a_wrong_link_in_a_side_file_has_its_line(tmp_path: Path) -> None:
+    loop = '{type: spherical, between: [lower, uper]}'
+    side = saved(tmp_path, 'side.yaml', f'loops:\n  eye: {loop}\n')
+    path = saved(tmp_path, 'it.urdf', robots.double_pendulum())
+    with pytest.raises(InputError) as caught:
+        main([path, '--loops', side])
+    assert str(caught.value).startswith(f'{side}:2: loops.eye.between[1]: ')
+    assert "got 'uper'; did you mean 'upper'" in str(caught.value)
