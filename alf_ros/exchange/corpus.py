@@ -20,7 +20,7 @@ from typing import Any, TextIO
 
 from alf_ros.errors import AlfError, printable
 from alf_ros.exchange import urdf_with_loops, usd_stage
-from alf_ros.exchange.import_file import format_of, imported
+from alf_ros.exchange.import_file import WITHOUT_GROUND, format_of, imported
 from alf_ros.inspection.soundness import BAD, TooLarge, examine
 from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation.simulation import Simulation
@@ -155,7 +155,10 @@ def _treated(
 ) -> Iterator[Examined]:
     """The present activity, as a result until the real one exists."""
     yield Examined(name, LIMIT, 'importing')
-    if format_of(Path(path)) != 'robot':  # which say themselves what floats
+    kind = format_of(Path(path))
+    if kind in WITHOUT_GROUND:
+        wishes = wishes | {'ground': None}
+    if kind != 'robot':  # which say themselves what floats
         wishes = wishes | {'floating': False}
     elif wishes.get('loops') is None and (side := urdf_with_loops.side_file(Path(path))):
         wishes = wishes | {'loops': str(side)}

@@ -8,8 +8,7 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from alf_ros.exchange.robot import Actuator, FramePose, Robot, Tendon
-from alf_ros.mechanism import GROUND
+from alf_ros.exchange.robot import GROUND, Actuator, FramePose, Robot, Tendon
 from alf_ros.scene.text.repetition import NAME
 
 _LOSSES = 10.0  # s/m: no impact leaves the ground faster than 0.1 m/s
@@ -77,7 +76,11 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
     for actuator in robot.actuators:
         if actuator.on_tendon and actuator.joint in shapes:
             shape, drawn = shapes[actuator.joint]
-            entries[_label(actuator.name, entries)] = shape | _drive(actuator, drawn)
+            taken = {
+                *entries,
+                *named.joints.values(),
+            }  # targets of a joint's name are for the joint
+            entries[_label(actuator.name, taken)] = shape | _drive(actuator, drawn)
     return entries
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import FixedPlane, GroundTouch, Robot
-from alf_ros.mechanism import GROUND, VisualShape
+from alf_ros.exchange.robot import GROUND, FixedPlane, GroundTouch, Robot
+from alf_ros.mechanism import VisualShape
 
 
 def balls(shape: VisualShape) -> list[tuple[Floats, float]]:

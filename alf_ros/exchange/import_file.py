@@ -32,6 +32,12 @@ from alf_ros.model import massless_directions
 from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import Scene, scene_from_text
 
+# the formats that take no plane besides those of the file, with the reason
+WITHOUT_GROUND = {
+    'mujoco': 'not for MJCF, which states planes in the file',
+    'usd': 'not for USD, whose contact is not imported',
+}
+
 
 @dataclass(frozen=True)
 class Wishes:
@@ -143,14 +149,16 @@ def _robot(path: Path, asked: Wishes) -> Robot:
     for given, option in for_urdf if kind != 'robot' else ():
         if given:
             raise InputError('for URDF only: this format states it in the file', key=option)
+    if asked.ground is not None and kind in WITHOUT_GROUND:
+        raise InputError(WITHOUT_GROUND[kind], key='--ground')
+    if asked.arguments and kind in ('mujoco', 'usd'):
+        raise InputError('for xacro only', key='--argument', value=next(iter(asked.arguments)))
     if kind == 'mujoco':
-        if asked.ground is not None:
-            raise InputError('not for MJCF, which states planes in the file', key='--ground')
         return mjcf_import.read(path, asked.positions, asked.key)
     if asked.key is not None:
         raise InputError('for MJCF only', key='--key', value=asked.key)
     if kind == 'sdf':
-        return sdf_import.read(path, asked.positions)
+        return sdf_import.read(path, asked.positions, asked.arguments)
     if kind == 'usd':
         return usd_import.read(path, asked.positions)
     side = None if asked.loops is None else paths.named(asked.loops)

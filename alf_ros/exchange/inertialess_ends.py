@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import Connection, Robot, RobotPart, lumped
-from alf_ros.mechanism import GROUND
+from alf_ros.exchange.robot import GROUND, Connection, Robot, RobotPart, lumped
 
 _NONE = 1e-12  # of the mass times the square of the robot's size: an inertia that is none
 _TURNS = ('revolute', 'spherical')

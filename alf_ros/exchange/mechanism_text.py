@@ -16,9 +16,9 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.exchange import effect_entries
 from alf_ros.exchange.effect_entries import Named
-from alf_ros.exchange.robot import Connection, FramePose, Robot, RobotPart
+from alf_ros.exchange.robot import GROUND, Connection, FramePose, Robot, RobotPart
 from alf_ros.exchange.visuals import moved, shape_fields
-from alf_ros.mechanism import GROUND
+from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 from alf_ros.model import joints
 from alf_ros.scene.mechanism_file.bodies import frame_axes
 from alf_ros.scene.text.repetition import NAME
@@ -33,7 +33,7 @@ class _Names:
     """Names that files allow, one for each thing; what had to be renamed is noted."""
 
     def __init__(self, robot: Robot) -> None:
-        self._robot, self._taken = robot, {GROUND, 'world'}
+        self._robot, self._taken = robot, {GROUND_IN_FILES, 'world'}
 
     def take(self, wanted: str, suffixes: Sequence[str] = (), note: bool = True) -> str:
         """A name like the one wanted, that is free with each of the suffixes as well."""
@@ -121,9 +121,9 @@ def text(
     stiffness of a `ground_contact` of each ball that touches a plane, N/m^1.5.
     """
     names = _Names(robot)
-    joints = {c.name: names.take(c.name) for c in robot.connections}
+    joints = {c.name: names.take(c.name, _of_coordinates(c.kind)) for c in robot.connections}
     bodies = {part.name: names.take(part.name, _OF_BODY) for part in robot.parts}
-    bodies[GROUND] = GROUND
+    bodies[GROUND] = GROUND_IN_FILES
     points = _Points(robot, names)
     found: dict[str, dict[str, Any]] = {}
     for c in robot.connections:
@@ -188,6 +188,13 @@ def text(
         for each in robot.touches:
             robot.leave('contact with the ground (see --contact)', each.part)
     return _head(robot, version) + serialise(entry(whole))
+
+
+def _of_coordinates(kind: str) -> list[str]:
+    """The suffixes of the coordinates of a joint that has several."""
+    found = joints.find(kind, 3)
+    freedoms = () if found is None else found.freedoms
+    return [f'_{each.suffix}' for each in freedoms] if len(freedoms) > 1 else []
 
 
 def _body(part: RobotPart, points: _Points, carried: list[str]) -> dict[str, Any]:

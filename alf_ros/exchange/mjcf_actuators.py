@@ -62,6 +62,7 @@ def add(
             continue
         on = _acts_on(mujoco, model, n, joints, tendons)
         fixed = model.actuator_gaintype[n] == mujoco.mjtGain.mjGAIN_FIXED
+        fixed &= model.actuator_plugin[n] < 0  # which computes a force of its own
         bias, dynamic = model.actuator_biastype[n], model.actuator_dyntype[n]
         plain = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
         drive = None

@@ -2,8 +2,8 @@
 
 Two geoms touch if a `pair` names them, or if the contype of one has a bit of the conaffinity of
 the other and no `exclude` names their bodies. The coefficient of friction is stated by the pair,
-or by the geom with the higher priority, or else the larger one counts. A margin moves the plane
-up.
+or by the geom with the higher priority, or else the larger one counts. Margins move the plane up;
+the margins of two geoms add up, less their gaps.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from alf_ros.exchange import ground_touches
-from alf_ros.exchange.robot import FixedPlane, FramePose, Robot
+from alf_ros.exchange.robot import GROUND, FixedPlane, FramePose, Robot
 from alf_ros.exchange.visuals import moved, shape
-from alf_ros.mechanism import GROUND, VisualShape
+from alf_ros.mechanism import VisualShape
 
 _MANY = 2000  # geoms: of more, pairs of bodies are not looked for one by one
 
@@ -47,7 +47,7 @@ def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
             pair = _pair(model, geom, plane)
             if pair is not None:
                 _touch(robot, mujoco, data, geom, part, plane, pair)
-    for part in _touching(mujoco, model, held, planes):
+    for part in (*_touching(mujoco, model, held, planes), *_paired(model, held, planes)):
         robot.leave('contact between bodies', part)
 
 
@@ -74,7 +74,7 @@ def _pair(model: Any, one: int, other: int) -> _Pair | None:
     ruling = [each for each, rank in zip((one, other), ranks, strict=True) if rank == max(ranks)]
     dims = max(int(model.geom_condim[each]) for each in ruling)
     friction = max(float(model.geom_friction[each, 0]) for each in ruling)
-    margin = max(float(model.geom_margin[each] - model.geom_gap[each]) for each in (one, other))
+    margin = sum(float(model.geom_margin[each] - model.geom_gap[each]) for each in (one, other))
     return _Pair(friction if dims > 1 else 0.0, dims > 3, margin)
 
 
@@ -106,6 +106,14 @@ def _shape(mujoco: Any, model: Any, geom: int) -> VisualShape | None:
     }
     found = sizes.get(kinds(model.geom_type[geom]))
     return None if found is None else shape(*found)
+
+
+def _paired(model: Any, held: Sequence[str], planes: Sequence[int]) -> Iterator[str]:
+    """Parts that a `pair` lets touch others, whatever the masks of their geoms."""
+    for geoms in zip(model.pair_geom1, model.pair_geom2, strict=True):
+        parts = {held[model.geom_bodyid[geom]] for geom in geoms}
+        if len(parts) > 1 and not set(planes).intersection(map(int, geoms)):
+            yield from parts - {GROUND}
 
 
 def _touching(

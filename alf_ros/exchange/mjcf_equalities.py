@@ -42,7 +42,9 @@ def close(
 
     Raises InputError if they cannot be closed.
     """
-    loops = list(_loops(mujoco, data.model).values())
+    loops = [
+        each for each in _loops(mujoco, data.model).values() if not _is_inside(data.model, each)
+    ]
     stay = [n for n, name in enumerate(joints) if name in positions]
     couplings = list(_couplings(mujoco, data.model).values())
     mjcf_posture.close(robot, mujoco, data, loops, couplings, stay)
@@ -74,6 +76,9 @@ def add(
         elif n in loops:
             loop = loops[n]
             parts = [held[body] for body in loop.bodies]
+            if _is_inside(model, loop):
+                robot.leave('elements', f'equality {name} inside one body, or the ground')
+                continue
             first, second = (
                 FramePose(data.xpos[body], data.xmat[body].reshape(3, 3)).place(frame.origin)
                 for body, frame in zip(loop.bodies, loop.frames, strict=True)
@@ -134,6 +139,12 @@ def _loops(mujoco: Any, model: Any) -> dict[int, MjcfLoop]:
         for n in range(model.neq)
         if model.eq_active0[n] and model.eq_type[n] in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD)
     }
+
+
+def _is_inside(model: Any, loop: MjcfLoop) -> bool:
+    """Whether it is between bodies that are fixed to each other, where it holds nothing."""
+    one, other = (int(model.body_weldid[body]) for body in loop.bodies)
+    return one == other
 
 
 def _loop(mujoco: Any, model: Any, equality: int) -> MjcfLoop:

@@ -22,8 +22,15 @@ from alf_ros.exchange import (
     mjcf_switches,
     mjcf_tendons,
 )
-from alf_ros.exchange.robot import BodyVelocity, Connection, Robot, RobotPart, lumped
-from alf_ros.mechanism import GROUND
+from alf_ros.exchange.robot import (
+    GROUND,
+    BodyVelocity,
+    Connection,
+    Robot,
+    RobotPart,
+    free_name,
+    lumped,
+)
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _CENTRED = 1e-9  # of the extent: how far from the centre of mass a force of gravity may act
@@ -50,6 +57,7 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
         model, lighter = _compiled(mujoco, path)
         mjcf_actuators.reflect(mujoco, model)
         off = mjcf_switches.turn_off(mujoco, model)
+        mjcf_switches.override(mujoco, model)
         robot = _Reader(mujoco, model, str(path), positions, key).robot
     except UnicodeDecodeError as error:  # MuJoCo takes any bytes as names
         raise InputError(f'a name is not UTF-8: {error.object!r}', file=str(path)) from None
@@ -128,7 +136,8 @@ class _Reader:
     def _names(self, kind: str, count: int) -> list[str]:
         """Of all things of a kind; unnamed ones are numbered, as MuJoCo counts them."""
         of = getattr(self.model, kind)
-        return [of(n).name or f'{kind}{n}' for n in range(count)]
+        given = [of(n).name for n in range(count)]
+        return [name or free_name(f'{kind}{n}', given) for n, name in enumerate(given)]
 
     def _set(self, positions: Mapping[str, float]) -> None:
         hinge, slide = self.mujoco.mjtJoint.mjJNT_HINGE, self.mujoco.mjtJoint.mjJNT_SLIDE
@@ -173,7 +182,7 @@ class _Reader:
                 continue
             child = self.bodies[body]
             if joint != joints[-1]:
-                child = f'{child}_below_{name}'
+                child = free_name(f'{child}_below_{name}', self.bodies)
                 self.robot.parts.append(RobotPart(child, place, 0.0, place, np.zeros((3, 3))))
             if model.jnt_type[joint] == kinds.mjJNT_BALL:
                 self._leave_dynamics(joint)
@@ -188,7 +197,7 @@ class _Reader:
         turns = model.jnt_type[joint] == self.mujoco.mjtJoint.mjJNT_HINGE
         place, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
         drawn = float(self.data.qpos[place])
-        lower, upper = model.jnt_range[joint]
+        lower, upper = model.jnt_range[joint] + model.jnt_margin[joint] * np.array([1.0, -1.0])
         if drawn:
             self.robot.leave('zero of joints', f'{name} at {drawn:.12g}')
         for kind, orders in (
@@ -245,6 +254,10 @@ class _Reader:
         for body in range(1, model.nbody):
             if model.body_mocapid[body] >= 0:
                 leave('motion of mocap bodies', self.bodies[body])
+            if model.body_plugin[body] >= 0:
+                leave('plugins', self.bodies[body])
+        for body in mjcf_switches.asleep(self.mujoco, model):
+            leave('sleeping bodies', self.bodies[body])
         if model.nflex:
             leave('flex', f'{model.nflex} deformable')
         if model.opt.density or model.opt.viscosity:

@@ -48,6 +48,24 @@ def turn_off(mujoco: Any, model: Any) -> list[str]:
     return found
 
 
+def override(mujoco: Any, model: Any) -> None:
+    """Give all geoms and pairs the friction and the margin that `<option>` has instead of theirs,
+    if its flag says so."""
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        slide, _, spin, roll, _ = friction = model.opt.o_friction
+        model.geom_friction[:], model.pair_friction[:] = (slide, spin, roll), friction
+        model.geom_margin[:] = 0.5 * model.opt.o_margin  # those of two geoms add up
+        model.pair_margin[:] = model.opt.o_margin
+
+
+def asleep(mujoco: Any, model: Any) -> list[int]:
+    """The bodies that rest at the start until something touches them."""
+    if not model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
+        return []
+    resting = model.tree_sleep_policy == mujoco.mjtSleepPolicy.mjSLEEP_INIT
+    return [body for body, tree in enumerate(model.body_treeid) if tree >= 0 and resting[tree]]
+
+
 def is_off(mujoco: Any, model: Any, actuator: int) -> bool:
     """Whether an actuator is turned off, alone or with all."""
     group = int(model.actuator_group[actuator])

@@ -45,6 +45,7 @@ def add(
         ):
             if np.any(value):
                 robot.leave(kind, name)
+        margin = float(model.tendon_margin[n])
         low, high = map(float, model.tendon_range[n])
         first, last = map(float, model.tendon_lengthspring[n])
         robot.tendons.append(
@@ -54,7 +55,7 @@ def add(
                 rest=(first, last),
                 damping=float(model.tendon_damping[n]),
                 friction=float(model.tendon_frictionloss[n]),
-                limits=(low, high) if model.tendon_limited[n] else None,
+                limits=(low + margin, high - margin) if model.tendon_limited[n] else None,
             )
         )
     return found

@@ -14,9 +14,10 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange.import_report import LeftOut
-from alf_ros.mechanism import GROUND, VisualShape
+from alf_ros.mechanism import VisualShape
 from alf_ros.model import joints
 
+GROUND = '\0ground'  # the name of the ground among parts: no body of a file can have it
 _OPEN = 1e-6  # of the robot's size: how far the two ends of a loop may be apart as drawn
 
 # the types of joints that other formats have, by the number of axes that each needs
@@ -219,16 +220,18 @@ class Robot:
 
     def leave(self, kind: str, name: str) -> None:
         """Note that something of `name` does not come along; `kind` is one of `report`."""
-        self.left_out.add(kind, name)
+        self.left_out.add(kind, name.replace(GROUND, 'ground'))
 
     def connect(self, connection: Connection, end: Floats | None = None) -> None:
         """Add a connection, of which the child's end (3,) is drawn at `end`. Raises InputError.
 
-        The ground comes first: turned round, a joint has the same coordinates about -axes.
+        The ground comes first: turned round, a joint has the same coordinates about -axes. A loop
+        may have the name of a joint in the file: it gets another one.
         """
         name, (parent, child) = connection.name, (connection.parent, connection.child)
         if parent == child:
-            raise self.error(name, f'both sides are of one body, {parent!r}')
+            body = 'the ground' if parent == GROUND else f'one body, {parent!r}'
+            raise self.error(name, f'both sides are of {body}')
         gap = 0.0 if end is None else float(np.linalg.norm(end - connection.place))
         if gap > 0.0 and gap > _OPEN * max(
             [1e-300, *(float(abs(p.origin).max()) for p in self.parts)]
@@ -244,6 +247,9 @@ class Robot:
             connection = replace(connection, parent=child, child=parent, axes=axes)
             if start is not None:
                 connection = replace(connection, start=place, place=start)
+        if (own := free_name(name, {each.name for each in self.connections})) != name:
+            self.leave('names, changed', f'loop {name} is {own}')
+            connection = replace(connection, name=own)
         self.connections.append(connection)
 
     def add_links(
@@ -284,6 +290,14 @@ class Robot:
     def error(self, key: str, message: str, **details: Any) -> InputError:
         """Return an InputError with file and key; `details` are its other fields."""
         return InputError(message, file=self.file, key=key, **details)
+
+
+def free_name(wanted: str, taken: Container[str]) -> str:
+    """The name wanted, or with the first number that makes it free."""
+    name, n = wanted, 2
+    while name in taken:
+        name, n = f'{wanted}_{n}', n + 1
+    return name
 
 
 def lumped(name: str, origin: Floats, parts: Iterable[RobotPart]) -> RobotPart:

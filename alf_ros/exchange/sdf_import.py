@@ -14,12 +14,18 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import sdf_joints, sdf_merge, sdf_resources, sdf_versions, sdf_visuals
-from alf_ros.exchange.robot import Robot, RobotPart
+from alf_ros.exchange import (
+    sdf_elements,
+    sdf_joints,
+    sdf_merge,
+    sdf_resources,
+    sdf_versions,
+    sdf_visuals,
+)
+from alf_ros.exchange.robot import GROUND, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, pose_of
 from alf_ros.exchange.sdf_joints import SdfJoints
 from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers
-from alf_ros.mechanism import GROUND
 
 _GRAVITY = '0 0 -9.8'
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
@@ -27,21 +33,26 @@ _DEEPEST = 40  # models in models
 _STILL = ': every link is fixed to the world, or its model is static'
 
 
-def read(path: Path, positions: Mapping[str, float]) -> Robot:
-    """The robot of a file: of its first world, or of its models. Raises InputError."""
+def read(
+    path: Path, positions: Mapping[str, float], arguments: Mapping[str, str] | None = None
+) -> Robot:
+    """The robot of a file: of its first world, or of its models.
+
+    arguments: of a xacro. Raises InputError.
+    """
     if positions:
         message = 'not for SDF, which places each link: change the <pose> of links'
         raise InputError(message, key='--set', value=next(iter(positions)))
-    return _Reader(path).robot
+    return _Reader(path, arguments).robot
 
 
 class _Reader:
     """Links and frames of all models first, then the joints between them."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, arguments: Mapping[str, str] | None) -> None:
         self.path = path
         self._unsaid: list[str] = []  # files without a version, or with another than known ones
-        root = self._root(path)
+        root = self._root(path, arguments)
         world = root.find('world')
         top = root if world is None else world
         models = [each for each in top if each.tag in ('model', 'include')]
@@ -67,9 +78,9 @@ class _Reader:
         for name in self._unsaid:
             self.robot.leave('version of SDF', name)
 
-    def _root(self, path: Path) -> ElementTree.Element:
+    def _root(self, path: Path, arguments: Mapping[str, str] | None = None) -> ElementTree.Element:
         """The root of a file, as the newest version has it. Raises InputError."""
-        root, unsaid = sdf_versions.root_of(path)
+        root, unsaid = sdf_versions.root_of(path, arguments)
         self._unsaid += [unsaid] if unsaid else []
         return root
 
@@ -162,6 +173,9 @@ class _Reader:
         around it is static, or feels the wind."""
         if scope.count('::') > _DEEPEST:
             raise self.robot.error('include', 'a model that includes itself')
+        sdf_elements.leave_unknown(
+            self.robot, element, scope.rstrip(':') or element.get('name', '')
+        )
         self._merge(element, MODEL)
         pose = element.find('pose')
         to = '' if pose is None else pose.get('relative_to', '')
@@ -199,6 +213,7 @@ class _Reader:
         above = self._later(to, scope) if to else scope + MODEL
         self.frames.add(name, self._pose(element), above)
         self.links[name] = self._part(element, self._short(name))
+        sdf_elements.leave_unknown(self.robot, element, self._short(name))
         if still:
             self.still.add(name)
         elif is_true(element.findtext('kinematic')):  # no force moves it
@@ -238,6 +253,7 @@ class _Reader:
         child = self._side(element, 'child')
         above = self._later(to or child, scope)
         own = scope + self._name(element)
+        sdf_elements.leave_unknown(self.robot, element, self._short(own))
         self.frames.add(own, self._pose(element), above, self._later(child, scope))
         self.joints.append((scope, element))
 

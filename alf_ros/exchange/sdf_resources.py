@@ -9,6 +9,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from alf_ros.exchange import sdf_versions, xml_file
+
 _MODELS = ('.sdf', '.world', '.xml')
 
 
@@ -16,10 +18,24 @@ def model_file(uri: str, folder: Path) -> Path | None:
     """The file that a URI of an <include> means; None if there is none."""
     for at in _candidates(uri, folder):
         if at.is_dir():
-            at = next(iter(sorted(at.glob('*.sdf'))), at)
+            at = _of_folder(at)
         if at.is_file() and at.suffix in _MODELS:
             return at
     return None
+
+
+def _of_folder(folder: Path) -> Path:
+    """The file of the newest version that is read, of those that `model.config` names; without it
+    `model.sdf`, or any other. The folder itself if there is none."""
+    others = sorted(folder.glob('*.sdf'))
+    if (config := folder / 'model.config').is_file():
+        versions = {}
+        for each in xml_file.root_of(config).findall('sdf'):
+            minor = sdf_versions.minor_of(each.get('version', ''))
+            if minor is not None and minor <= sdf_versions.NEWEST:
+                versions[minor] = folder / (each.text or '').strip()
+        others = [versions[max(versions)]] if versions else others
+    return next((each for each in others if each.name == 'model.sdf'), next(iter(others), folder))
 
 
 def mesh_uri(uri: str, folder: Path) -> str:

@@ -7,6 +7,7 @@ the model, 1.4 and 1.5 have gravity in <physics>, and until 1.6 a <pose> has `fr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,24 +16,27 @@ from alf_ros.exchange import xml_file
 
 AXES = ('axis', 'axis2')
 OF_MODEL = 'use_parent_model_frame'  # of an axis: whether it is in the frame of the model
-_OLDEST, _NEWEST = 4, 12  # minor versions that are read
+_OLDEST, NEWEST = 4, 12  # minor versions that are read
 # from these minor versions on: axes in the frames of their joints, gravity of the world, and
 # `relative_to` in place of `frame`
 _AXES_OF_JOINTS, _GRAVITY_OF_WORLD, _RELATIVE_TO = 5, 6, 7
 
 
-def root_of(path: Path) -> tuple[ElementTree.Element, str]:
-    """The root of a file, and its version if it is not one that is expected. Raises InputError."""
-    root = xml_file.root_of(path)
+def root_of(
+    path: Path, arguments: Mapping[str, str] | None = None
+) -> tuple[ElementTree.Element, str]:
+    """The root of a file, and its version if it is not one that is expected.
+
+    arguments: of a xacro. Raises InputError.
+    """
+    root = xml_file.root_of(path, arguments)
     given = root.get('version')
-    words = (f'1.{_NEWEST}' if given is None else given).strip().split('.')
-    known = len(words) == 2 and all(word.isdigit() for word in words) and words[0] == '1'
-    if not known:
+    minor = minor_of(f'1.{NEWEST}' if given is None else given)
+    if minor is None:
         message, expected = 'not a version of SDF that is read', '1.4 to 1.12'
         raise InputError(
             message, file=str(path), key='sdf version', value=given, expected=expected
         )
-    minor = int(words[1])
     if minor < _AXES_OF_JOINTS:
         _mark_axes(root)
     if minor < _GRAVITY_OF_WORLD:
@@ -42,8 +46,15 @@ def root_of(path: Path) -> tuple[ElementTree.Element, str]:
         for pose in root.iter('pose'):
             if 'frame' in pose.attrib:
                 pose.set('relative_to', pose.attrib.pop('frame'))
-    expected_one = given is not None and _OLDEST <= minor <= _NEWEST
+    expected_one = given is not None and _OLDEST <= minor <= NEWEST
     return root, '' if expected_one else f'{path.name} has {given or "none"}'
+
+
+def minor_of(version: str) -> int | None:
+    """The 9 of 1.9; None for a text that is no such version."""
+    words = version.strip().split('.')
+    known = len(words) == 2 and all(word.isdigit() for word in words) and words[0] == '1'
+    return int(words[1]) if known else None
 
 
 def _mark_axes(root: ElementTree.Element) -> None:

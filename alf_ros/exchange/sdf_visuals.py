@@ -7,12 +7,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from alf_ros.exchange.robot import Collider, FixedPlane, FramePose, Robot
+from alf_ros.exchange.robot import GROUND, Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
 from alf_ros.exchange.sdf_values import is_true
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
-from alf_ros.mechanism import GROUND, VisualShape
+from alf_ros.mechanism import VisualShape
 
 COLLISION = 'collision'
 _EVERY = ('65535', '0xffff', '0xFFFF')  # the mask of what meets all others, the default

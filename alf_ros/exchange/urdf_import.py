@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
+    unknown_elements,
     urdf_actuators,
     urdf_gazebo,
     urdf_joint_types,
@@ -25,15 +26,23 @@ from alf_ros.exchange import (
     urdf_visuals,
     xml_file,
 )
-from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
+from alf_ros.exchange.robot import GROUND, STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.exchange.urdf_motions import TreeMotion
-from alf_ros.mechanism import GROUND
+from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
 _SEVERAL = ('planar', 'floating')  # types with several coordinates
-_READ = ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control')
+# by element the elements in it that are read, or named one by one
+_READ = {
+    'robot': ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control'),
+    'link': ('inertial', 'visual', 'collision'),
+    'joint': ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
+    + ('calibration', 'safety_controller'),
+}
+_SEVERAL_OF = (*_READ['robot'], 'visual', 'collision')
+_HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
 _STILL = ': with --floating its root link moves'
@@ -287,7 +296,7 @@ class UrdfReader:
 
     def part(self, link: str, key: str) -> tuple[str, FramePose]:
         """The part that a link of a loop belongs to, and the link's pose."""
-        if link in (GROUND, 'world') and link not in self.links:
+        if link in (GROUND_IN_FILES, 'world') and link not in self.links:
             return GROUND, STILL
         if link not in self.links:
             raise self.error(key, 'no such link', value=link, choices=self.links)
@@ -310,9 +319,16 @@ class UrdfReader:
                 self.robot.leave('limits of velocity', joint.name)
             if limit is not None and limit.effort and joint.name not in pushed:
                 self.robot.leave('limits of effort', joint.name)
-        for element in self.xml:
-            if isinstance(element.tag, str) and element.tag not in _READ:
-                self.robot.leave('elements', f'{element.tag} {element.get("name", "")}'.strip())
+            elif limit is not None and not limit.effort and joint.name in pushed:
+                self.robot.leave('limits of effort', f'{joint.name} is 0: its motor has none')
+        for element in (self.xml, *self.xml):
+            if element.tag not in _READ:
+                continue
+            for tag, each in unknown_elements.of(element, _READ[element.tag], _SEVERAL_OF):
+                is_top = element is self.xml
+                called = each.get('name', '') if is_top else f'of {element.get("name", "")}'
+                kind = 'elements' if tag in _HARMLESS else 'unknown elements'
+                self.robot.leave(kind, f'{tag} {called}'.strip())
 
 
 def _parsed(

@@ -13,11 +13,12 @@ their axes, of a `revolute` also `axis` in both of them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from alf_ros.exchange import two_ended_loops
+from alf_ros.exchange import two_ended_loops, urdf_motions
 from alf_ros.exchange.robot import AXES, STILL, FramePose
 from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
@@ -31,19 +32,28 @@ _TWO_ENDS = ('spherical', 'weld', 'revolute')  # types that loops without `at` m
 _SECTIONS = ('positions', 'loops')
 
 
-def positions(path: Path) -> dict[str, float]:
-    """The positions in a side file. Raises InputError."""
+def positions(path: Path, joints: Mapping[str, str]) -> dict[str, float]:
+    """The positions in a side file, rad or m; joints: of the URDF, with their types. Raises
+    InputError."""
     section = yaml_document.read(path).mapping(_SECTIONS).get('positions')
     found = {} if section is None else section.mapping()
+    for name, entry in found.items():
+        if name not in joints:
+            raise entry.error('no such joint', value=name, choices=joints)
+        if joints[name] not in urdf_motions.SINGLE:
+            raise entry.error('not a joint with one coordinate', value=name)
     return {name: entry.number({}) for name, entry in found.items()}
 
 
 def loops(path: Path, reader: UrdfReader) -> list[TwoEndedLoop]:
     """The loops of a side file. Raises InputError."""
     section = yaml_document.read(path).mapping(_SECTIONS).get('loops')
-    poses = reader.poses_at(reader.drawn(positions(path)))
+    types = {name: joint.type for name, joint in reader.joints.items()}
+    poses = reader.poses_at(reader.drawn(positions(path, types)))
     return [
-        _two_ended(name, entry) if _has_two_ends(entry) else _drawn(name, entry, reader, poses)
+        _two_ended(name, entry, reader)
+        if _has_two_ends(entry)
+        else _drawn(name, entry, reader, poses)
         for name, entry in ({} if section is None else section.mapping()).items()
     ]
 
@@ -53,13 +63,14 @@ def _has_two_ends(entry: Entry) -> bool:
     return 'at' not in fields and 'type' in fields and fields['type'].text() in _TWO_ENDS
 
 
-def _two_ended(name: str, entry: Entry) -> TwoEndedLoop:
+def _two_ended(name: str, entry: Entry, reader: UrdfReader) -> TwoEndedLoop:
     kind = entry.mapping()['type'].text()
     keys = ('type', 'between', *(('axis',) if kind == 'revolute' else ()))
     fields = entry.mapping(keys, keys)
     turn = rotation_to(unit(fields['axis'], 3, {})) if 'axis' in fields else np.eye(3)
     frame = FramePose(np.zeros(3), turn)
-    first, second = (LoopEnd(side.text(), frame) for side in fields['between'].sequence(2))
+    known = tuple(dict.fromkeys((*reader.links, GROUND, 'world')))
+    first, second = (LoopEnd(side.text(known), frame) for side in fields['between'].sequence(2))
     return TwoEndedLoop(name, kind, (first, second))
 
 

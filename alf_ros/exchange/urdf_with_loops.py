@@ -12,6 +12,7 @@ from alf_ros.exchange import (
     two_ended_loops,
     urdf_loops,
     urdf_loops_file,
+    xml_file,
 )
 from alf_ros.exchange.robot import Robot
 from alf_ros.exchange.tree_posture import closed_positions
@@ -50,7 +51,11 @@ def read(
     keys = set() if side is None else set(yaml_document.read(side).mapping())
     of_gepetto, of_scikit = 'closed_loop' in keys, 'closures' in keys
     own = side is not None and not of_gepetto and not of_scikit
-    by_file = urdf_loops_file.positions(side) if side and own else {}
+    by_file: dict[str, float] = {}
+    if side and own:
+        joints = xml_file.root_of(path, arguments).findall('joint')
+        kinds = {joint.get('name', ''): joint.get('type', '') for joint in joints}
+        by_file = urdf_loops_file.positions(side, kinds)
     types = closed_loop_file.joint_types(side) if side and of_gepetto else {}
     follows = loop_closures_file.dependent(side) if side and of_scikit else []
 

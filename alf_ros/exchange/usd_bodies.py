@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import Robot, RobotPart, lumped
+from alf_ros.exchange.robot import GROUND, Robot, RobotPart, lumped
 from alf_ros.exchange.usd_solids import solid_of
 from alf_ros.exchange.usd_stage import UsdStage
-from alf_ros.mechanism import GROUND
 
 _WATER = 1000.0  # kg/m^3, the density where a file has none
 _BALL = 0.1  # m, the radius of the sphere that stands for a body with mass and without shapes

@@ -27,13 +27,12 @@ from alf_ros.exchange import (
     usd_unread,
     usd_visuals,
 )
-from alf_ros.exchange.robot import BodyVelocity, Connection, FramePose, Robot, RobotPart
+from alf_ros.exchange.robot import GROUND, BodyVelocity, Connection, FramePose, Robot, RobotPart
 from alf_ros.exchange.usd_bodies import UsdBodies
 from alf_ros.exchange.usd_joints import UsdJoint, joints
 from alf_ros.exchange.usd_rounding import Triples
 from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage, guarded
-from alf_ros.mechanism import GROUND
 
 _ROUNDED = 1e-6  # by how much single precision moves axes and, of the size, places
 _NO_BODY = ': no prim is a rigid body (PhysicsRigidBodyAPI)'
@@ -185,6 +184,8 @@ class _Reader:
         stage, leave = self.stage, self.robot.leave
         if stage.holds(prim, 'physxRigidBody:disableGravity', False):
             leave('gravity off', part)
+        if stage.holds(prim, 'physics:startsAsleep', False):
+            leave('sleeping bodies', part)
         if any(
             stage.number(prim, f'physxRigidBody:{kind}Damping') for kind in ('linear', 'angular')
         ):

@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.exchange.robot import FramePose, Robot
+from alf_ros.exchange.robot import GROUND, FramePose, Robot
 from alf_ros.exchange.usd_bodies import UsdBodies, unique_names
 from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage
-from alf_ros.mechanism import GROUND
 
 _TYPED = {
     'PhysicsRevoluteJoint': 'rot',

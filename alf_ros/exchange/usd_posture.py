@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import STILL, FramePose, Robot
+from alf_ros.exchange.robot import GROUND, STILL, FramePose, Robot
 from alf_ros.exchange.usd_joints import UsdJoint
-from alf_ros.mechanism import GROUND
 
 _AS_DRAWN, _CLOSED = 1e-6, 1e-12  # of the size: joints that are closed as drawn, and when found
 _ROUNDS = 60

@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alf_ros.exchange.robot import FramePose, RobotPart
+from alf_ros.exchange.robot import GROUND, FramePose, RobotPart
 from alf_ros.exchange.usd_joints import EQUALITIES, SLIDES, TURNS, UsdEnd, UsdJoint, kind_of
 from alf_ros.exchange.usd_stage import UsdStage
-from alf_ros.mechanism import GROUND
 
 _KINDS = ('revolute', 'prismatic', 'spherical')
 _ROUNDED = 1e-5  # of places: how far single precision draws a slide from zero

@@ -192,6 +192,39 @@ def test_a_turned_plane_with_a_margin(tmp_path: Path) -> None:
     assert found.parameters.through == pytest.approx([0.02, 0.0, -1.0])
 
 
+@pytest.mark.parametrize(
+    ('ground', 'geom'),
+    [
+        ('margin="0.02"', 'margin="0.03"'),
+        ('margin="0.02" gap="0.004"', 'margin="0.03" gap="0.01"'),
+        ('', 'gap="0.01"'),
+    ],
+)
+def test_the_plane_is_where_mujoco_lets_two_margins_touch(
+    ground: str, geom: str, tmp_path: Path
+) -> None:
+    """MuJoCo pushes from `includemargin` on."""
+    mujoco = pytest.importorskip('mujoco')
+    source = world(ball(R - 0.02, geom), ground=ground)
+    data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(source))
+    mujoco.mj_forward(model, data)
+    (found,) = contacts(read(tmp_path, source))
+    height = float(np.dot(found.parameters.through or np.zeros(3), [0.0, 0.0, 1.0]))
+    assert height == pytest.approx(data.contact.includemargin[0], abs=1e-12)
+
+
+def test_an_option_for_all_contact(tmp_path: Path) -> None:
+    """Its flag gives all geoms and pairs the same margin and friction; their gaps stay."""
+    option = '<option o_margin="0.05" o_friction="0.2 9 9 9 9"><flag override="%s"/></option>'
+    for more in ('', PAIR):
+        geom, expected = ball(R, 'gap="0.01"'), 0.05 - (0.0 if more else 0.01)
+        (on,) = contacts(read(tmp_path, world(geom, more=option % 'enable' + more)))
+        assert on.parameters.friction == 0.2
+        assert on.parameters.through == pytest.approx([0.0, 0.0, expected])
+        (off,) = contacts(read(tmp_path, world(geom, more=option % 'disable' + more)))
+        assert off.parameters.friction == (0.9 if more else 0.5)
+
+
 def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
     """Contact first, each with its consequence."""
     bodies = (

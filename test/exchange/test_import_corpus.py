@@ -67,6 +67,17 @@ def test_a_mechanism_too_large_to_examine_is_not_unsound(monkeypatch: pytest.Mon
     assert last.result == corpus.OK and 'too many to examine' in last.why
 
 
+def test_a_plane_counts_for_the_formats_that_take_one(tmp_path: Path) -> None:
+    pytest.importorskip('mujoco')
+    path = tmp_path / 'ball.xml'
+    path.write_text(
+        '<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>'
+    )
+    limits = corpus.ExaminationLimits(duration=0.02)
+    *_, last = corpus._treated(str(path), path.name, {'scene': True, 'ground': 0.0}, limits)
+    assert last.result == corpus.OK
+
+
 def test_the_command_writes_a_table(tmp_path: Path, capsys) -> None:
     (tmp_path / 'broken.urdf').write_text('<robot name="r"><link', encoding='utf-8')
     out = tmp_path / 'out.csv'

@@ -219,6 +219,16 @@ def test_motors_of_a_urdf(tmp_path: Path) -> None:
         assert ('one at 0.4, two at 0.9' in text) == gains
 
 
+def test_an_effort_limit_of_zero_is_none_and_listed(tmp_path: Path) -> None:
+    """Converters of drawings write it where nothing is known."""
+    limit = '<child link="upper"/><limit effort="0" velocity="0"/>'
+    source = finger(2.0, 0.1, TRANSMISSION).replace('<child link="upper"/>', limit)
+    text = imported(saved(tmp_path, 'it.urdf', source), scene=True)
+    assert '#   limits of effort: one is 0: its motor has none\n' in text
+    (motor,) = (e.parameters for e in scene_from_text(text).effects if e.kind == 'motor')
+    assert motor.limit is None
+
+
 MISTAKES = {
     'number': (('>0.4<', '>much<'), "one: not a number, got 'much'"),
     'circle': (

@@ -37,6 +37,26 @@ def test_arguments_that_a_xacro_names_are_taken(inside: str, mass: str, tmp_path
     assert 'mass: 2' in imported(path, arguments={'size': '2'})
 
 
+def test_an_argument_of_an_sdf_is_taken_and_of_other_formats_refused(tmp_path: Path) -> None:
+    pytest.importorskip('xacro')
+    sdf = f"""<sdf version="1.9" xmlns:xacro="http://www.ros.org/wiki/xacro">{SIZE}<model name="m">
+    <link name="bar"><inertial><mass>$(arg size)</mass></inertial></link></model></sdf>"""
+    path = saved(tmp_path, 'it.sdf.xacro', sdf)
+    assert 'mass: 2' in imported(path, arguments={'size': '2'})
+    with pytest.raises(InputError, match="--argument: no such argument, got 'sice'"):
+        main([path, '--argument', 'sice=2'])
+    plain = sdf.replace('xacro', 'x')
+    for name, text in (('it.sdf', plain), ('it.xml', '<mujoco/>'), ('it.usda', '')):
+        with pytest.raises(InputError, match="--argument: for xacro only, got 'size'"):
+            main([saved(tmp_path, name, text), '--argument', 'size=2'])
+
+
+def test_a_plane_for_formats_that_take_none(tmp_path: Path) -> None:
+    for name, text, of in (('it.xml', '<mujoco/>', 'MJCF'), ('it.usda', '', 'USD')):
+        with pytest.raises(InputError, match=f'--ground: not for {of}'):
+            main([saved(tmp_path, name, text), '--ground', '0'])
+
+
 def test_an_argument_of_an_included_file_is_taken(tmp_path: Path) -> None:
     pytest.importorskip('xacro')
     other = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
@@ -132,3 +152,32 @@ def test_a_robot_file_is_no_scene(name: str) -> None:
         assert expected in str(caught.value)
     with pytest.raises(InputError, match='a robot file'):
         load_scene({'mechanism': name})
+
+
+@pytest.mark.parametrize(
+    ('name', 'message'),
+    [
+        ('sholder', "no such joint, got 'sholder'; did you mean 'shoulder'"),
+        ('held', "not a joint with one coordinate, got 'held'"),
+    ],
+)
+def test_a_wrong_position_in_a_side_file_has_its_line(
+    name: str, message: str, tmp_path: Path
+) -> None:
+    """Such a position was called one of --set."""
+    held = '<link name="l"/><joint name="held" type="fixed"><parent link="base"/><child link="l"/>'
+    robot = robots.double_pendulum().replace('</robot>', f'{held}</joint></robot>')
+    side = saved(tmp_path, 'side.yaml', f'loops: {{}}\npositions:\n  {name}: 0.1\n')
+    with pytest.raises(InputError) as caught:
+        main([saved(tmp_path, 'it.urdf', robot), '--loops', side])
+    assert str(caught.value).startswith(f'{side}:3: positions.{name}: {message}')
+
+
+def test_a_wrong_link_in_a_side_file_has_its_line(tmp_path: Path) -> None:
+    loop = '{type: spherical, between: [lower, uper]}'
+    side = saved(tmp_path, 'side.yaml', f'loops:\n  eye: {loop}\n')
+    path = saved(tmp_path, 'it.urdf', robots.double_pendulum())
+    with pytest.raises(InputError) as caught:
+        main([path, '--loops', side])
+    assert str(caught.value).startswith(f'{side}:2: loops.eye.between[1]: ')
+    assert "got 'uper'; did you mean 'upper'" in str(caught.value)

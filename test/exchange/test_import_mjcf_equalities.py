@@ -76,3 +76,19 @@ def test_an_anchor_that_is_elsewhere_moves_the_bodies_there(tmp_path: Path) -> N
         imported(saved(tmp_path, 'it.xml', fixed))
     with pytest.raises(InputError, match=r'all joints are held, and 0.106 m stay open'):
         imported(saved(tmp_path, 'it.xml', fixed), positions={'pin': 0.2})
+
+
+def test_an_equality_inside_one_body_holds_nothing(tmp_path: Path) -> None:
+    """As in MuJoCo: of two bodies of the ground, and of bodies that are fixed to each other."""
+    source = """<mujoco><worldbody><body name="post"><geom size="0.1"/></body>
+<body name="arm"><joint name="j" axis="0 1 0"/><geom size="0.1" pos="0.2 0 0"/>
+<body name="tool"><geom size="0.1"/></body></body></worldbody><equality>
+<weld name="one" body1="post" relpose="1 0 0 1 0 0 0"/>
+<connect name="two" body1="arm" body2="tool" anchor="0 0 1"/>
+</equality></mujoco>"""
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    told = 'equality {} inside one body, or the ground'
+    assert f'#   elements: {told.format("one")}, {told.format("two")}\n' in text
+    simulation = simulate(text)
+    simulation.step(10)
+    assert abs(simulation.sample().joint_positions[0]) > 1e-4

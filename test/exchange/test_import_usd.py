@@ -205,6 +205,7 @@ def test_velocities_that_the_joints_permit(tmp_path: Path) -> None:
 
 def test_losses_that_change_the_motion_come_first(tmp_path: Path) -> None:
     more = 'bool physxRigidBody:disableGravity = true\nfloat physxRigidBody:angularDamping = 0.5'
+    more += '\nbool physics:startsAsleep = true'
     ball = prim('Sphere', 'ball', 'Collision', 'double radius = 0.1')
     moving = prim(
         'Xform',
@@ -245,6 +246,7 @@ def test_losses_that_change_the_motion_come_first(tmp_path: Path) -> None:
     assert lines[1] == '# Changes of the motion:'
     for line in (
         'gravity off: these bodies have weight here: b',
+        'sleeping bodies: they move from the start, not when something touches them: b',
         'damping of bodies: these bodies are not damped: b',
         'friction coefficients of PhysX: these joints have no friction: the file has no load: pin',
         'breaking of joints: these joints carry any load: pin',

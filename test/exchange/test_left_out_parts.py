@@ -74,6 +74,10 @@ PLANE = (
 )
 HALF = f"""<link name="disk">{LINK}</link><joint name="on" type="fixed"><parent link="arm"/>
 <child link="disk"/></joint><gazebo reference="disk"><gravity>0</gravity></gazebo>"""
+UNKNOWN = (
+    'unknown elements: the format has no such element there, or only one: what they do to '
+    'the motion is missing'
+)
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -116,6 +120,16 @@ SCREW = '<axis><xyz>0 1 0</xyz>{}</axis>{}'
         (hinge(joint=ode('<max_force>3</max_force>')), 'actuators: they apply no force: j (max'),
         (sdf('screw', SCREW.format(TWO, '<screw_thread_pitch>1</screw_thread_pitch>')),
          'limits of screws: of angles or of lengths'),
+        (hinge('<dynamic><damping>1</damping></dynamic>'),
+         f'{UNKNOWN}: dynamic of j'),
+        (hinge('<dynamics><drake:spring>1</drake:spring></dynamics>'),
+         f'{UNKNOWN}: spring of j'),
+        (hinge('<xyz>1 0 0</xyz>'), f'{UNKNOWN}: xyz of j'),
+        (hinge(joint='<drake:rotor_inertia>1</drake:rotor_inertia>'),
+         f'{UNKNOWN}: rotor_inertia of j'),
+        (of_arm('<mass>2</mass>'), f'{UNKNOWN}: mass of arm'),
+        (sdf('ball', '', '<drake:linear_bushing_rpy/>'),
+         f'{UNKNOWN}: linear_bushing_rpy of m'),
         (sdf('screw', SCREW.format('', '')), 'pitch of screws: default of SDF'),
         (sdf('ball', '', '<model_state name="m"/>'), 'state of the world: models start'),
     ],
@@ -199,6 +213,16 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
             LIMIT, '<dynamics damping="1"/>'), JOINTS),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
             LIMIT, '<dynamics damping="1"/>'), JOINTS),
+        ('a.urdf', URDF.replace('MORE', '<loop_joint name="l" type="revolute"/>'),
+         f'{UNKNOWN}: loop_joint l'),
+        ('a.urdf', URDF.replace('MORE', '<drake:linear_bushing_rpy/>'),
+         f'{UNKNOWN}: linear_bushing_rpy'),
+        ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, LIMIT + '<dynamic damping="1"/>'),
+         f'{UNKNOWN}: dynamic of j'),
+        ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, 2 * '<dynamics damping="1"/>'),
+         f'{UNKNOWN}: dynamics of j'),
+        ('a.urdf', URDF.replace('MORE', '').replace(LINK, 2 * LINK),
+         f'{UNKNOWN}: inertial of arm'),
         ('a.sdf', universal(TWO), JOINTS),
         ('a.sdf', universal('', '<dynamics><damping>1</damping></dynamics>'), JOINTS),
         ('a.sdf', universal('', '<mimic joint="j"><multiplier>1</multiplier></mimic>'),
@@ -215,6 +239,42 @@ def test_each_is_named(tmp_path: Path, name: str, text: str, told: str) -> None:
     assert any(line.startswith(told) for line in lines), lines
     if 'floating' not in text:
         Simulation(load_scene(made)).step()
+
+
+CABLE = """<mujoco><extension><plugin plugin="mujoco.elasticity.cable"/></extension><worldbody>
+<composite prefix="c_" type="cable" curve="s" count="4 1 1" size="0.5" initial="none">
+<plugin plugin="mujoco.elasticity.cable"><config key="bend" value="4e6"/></plugin>
+<joint kind="main"/><geom type="capsule" size="0.005"/></composite></worldbody></mujoco>"""
+BALLS = """<mujoco>{}<worldbody>
+<body name="a" sleep="init"><joint name="j" type="slide"/><geom name="a" size="0.1" {}/></body>
+<body name="b" pos="0 0 1"><joint type="slide"/><geom name="b" size="0.1" {}/></body>
+</worldbody>{}</mujoco>"""
+PID = """<actuator><plugin name="act" plugin="mujoco.pid" joint="j" actdim="1">
+<config key="kp" value="4"/><config key="ki" value="1"/></plugin></actuator>"""
+PAIR, MASKED = (
+    '<contact><pair geom1="a" geom2="b"/></contact>',
+    ('contype="0" conaffinity="0"',) * 2,
+)
+
+
+@pytest.mark.parametrize(
+    'text, told',
+    [
+        (CABLE, 'plugins: forces and control that they apply are missing: c_B_first, c_B_1'),
+        (BALLS.format('<extension><plugin plugin="mujoco.pid"/></extension>', *MASKED, PID),
+         'actuators: they apply no force: act'),
+        (BALLS.format('', *MASKED, PAIR),
+         'contact between bodies: they pass through each other (2)'),
+        (BALLS.format('<option><flag sleep="enable"/></option>', *MASKED, ''),
+         'sleeping bodies: they move from the start, not when something touches them: a'),
+        (BALLS.format('', *MASKED, ''), None),
+    ],
+    ids=['plugin', 'actuator by a plugin', 'pair', 'asleep', 'nothing'],
+)  # fmt: skip
+def test_each_of_an_mjcf_is_named(tmp_path: Path, text: str, told: str | None) -> None:
+    pytest.importorskip('mujoco')
+    lines, _ = report(tmp_path, 'a.xml', text)
+    assert lines == [] if told is None else any(line.startswith(told) for line in lines), lines
 
 
 def test_a_joint_of_an_sdf_that_mimics_itself(tmp_path: Path) -> None:
@@ -246,6 +306,13 @@ def test_extensions_of_gazebo_without_an_effect_are_no_change_of_the_motion(
     gazebo = f'<gazebo reference="arm">{harmless}</gazebo>'
     lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', gazebo))
     assert lines == report(tmp_path, 'a.urdf', URDF.replace('MORE', ''))[0]
+
+
+def test_elements_for_sensing_change_no_motion(tmp_path: Path) -> None:
+    more = '<!-- a comment --><sensor name="s"/><material name="grey"/>'
+    expected, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', ''))
+    lines, made = report(tmp_path, 'a.urdf', URDF.replace('MORE', more))
+    assert lines == expected and '#   elements: sensor s\n' in made.read_text('utf-8')
 
 
 def test_a_transmission_that_reduces_nothing_is_not_listed(tmp_path: Path) -> None:

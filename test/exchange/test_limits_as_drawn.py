@@ -40,6 +40,8 @@ MJCF = """<mujoco><worldbody><body><joint name="pin" axis="0 1 0" range="5 90"/>
         ('it.xml', MJCF, {},
          ['pin is at 0, its limit is 0.0872665', 'cord is at 0, its limit is -0.5']),
         ('it.xml', MJCF, {'pin': 0.1}, ['cord is at 0.2, its limit is -0.5']),
+        ('it.xml', MJCF.replace('range', 'margin="0.125" range'), {'pin': 1.5},
+         ['pin is at 1.5, its limit is 1.4458', 'cord is at 3, its limit is -0.625']),
     ],
 )  # fmt: skip
 def test_each_is_named_with_its_limit(

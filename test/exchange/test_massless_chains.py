@@ -15,6 +15,7 @@ from alf_ros import InputError, Scene, Simulation, StepError
 from alf_ros.arrays import Floats
 from alf_ros.exchange import ball_rows, gimbal_lock, mechanism_text
 from alf_ros.exchange.robot import (
+    GROUND,
     Actuator,
     Connection,
     FixedPlane,
@@ -23,7 +24,6 @@ from alf_ros.exchange.robot import (
     RobotPart,
     Tendon,
 )
-from alf_ros.mechanism import GROUND
 from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation import locked_rows

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from alf_ros.exchange.import_file import imported
+from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved, simulate
 
 ARM = """<link name="arm"><pose{}>{}</pose><inertial><pose>0.3 0 0 0 0 0</pose><mass>2</mass>
@@ -106,3 +107,40 @@ def test_links_without_gravity_where_there_is_none(tmp_path: Path) -> None:
     source = WORLD.format('1.9', '<gravity>0 0 0</gravity>', arm + PIN.format('world'))
     text = imported(saved(tmp_path, 'it.sdf', source), scene=True)
     assert 'constant_wrench' not in text and 'gravity off' not in text
+
+
+CONFIG = '<?xml version="1.0"?><model><name>arm</name>{}</model>'
+NAMED = '<sdf version="{}">{}</sdf>'
+
+
+@pytest.mark.parametrize(
+    ('config', 'mass'),
+    [
+        (NAMED.format('1.4', 'arm-1_4.sdf') + NAMED.format('1.10', 'model.sdf'), 10.0),
+        (NAMED.format('1.10', 'model.sdf') + NAMED.format('1.9', 'new.sdf'), 10.0),
+        (NAMED.format('1.9', 'new.sdf') + NAMED.format('2.0', 'model.sdf'), 9.0),
+        ('', 10.0),
+        (None, 10.0),
+    ],
+)
+def test_a_folder_has_the_model_of_its_newest_version(
+    config: str | None, mass: float, tmp_path: Path
+) -> None:
+    """Models come with files for old versions, whose names are the first of the alphabet."""
+    folder = tmp_path / 'arm'
+    folder.mkdir()
+    for name, version, m in (('arm-1_4', '1.4', 4), ('model', '1.10', 10), ('new', '1.9', 9)):
+        link = f'<link name="l"><inertial><mass>{m}</mass></inertial></link>'
+        saved(
+            folder,
+            f'{name}.sdf',
+            f'<sdf version="{version}"><model name="arm">{link}</model></sdf>',
+        )
+    if config is not None:
+        saved(folder, 'model.config', CONFIG.format(config))
+    include = '<include><uri>model://arm</uri></include>'
+    source = saved(
+        tmp_path, 'it.sdf', f'<sdf version="1.9"><world name="w">{include}</world></sdf>'
+    )
+    (body,) = scene_from_text(imported(source, scene=True)).mechanism.bodies
+    assert body.mass == mass

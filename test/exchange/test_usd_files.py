@@ -15,6 +15,7 @@ from alf_ros import InputError
 from alf_ros.commands.import_ import main
 from alf_ros.exchange import corpus
 from alf_ros.exchange.import_file import imported
+from alf_ros.exchange.robot import GROUND
 from alf_ros.exchange.usd_stage import MOST_BYTES
 from support.imported_motions import saved
 from support.paths import DATA
@@ -101,7 +102,7 @@ def test_shapes(tmp_path: Path) -> None:
     assert box.size == pytest.approx((0.02, 0.04, 0.06), rel=1e-15)
     assert found['cylinder'][1].size == pytest.approx((0.01, 0.04), rel=1e-15)
     assert found['cylinder'][1].turn[:, 2] == pytest.approx([1, 0, 0], abs=1e-15)
-    assert found['capsule'][0] == 'ground'
+    assert found['capsule'][0] == GROUND
     assert found['capsule'][1].size == pytest.approx((0.25, 0.01), rel=1e-15)
     assert robot.left_out.names['shapes'] == ['/b/hat', '/b/mesh']
 

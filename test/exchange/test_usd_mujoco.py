@@ -13,6 +13,7 @@ import support.usd_robots as usd
 from alf_ros import InputError
 from alf_ros.arrays import Floats
 from alf_ros.exchange.import_file import imported
+from alf_ros.exchange.robot import GROUND
 from support.imported_motions import saved, simulate
 from support.usd_robots import body, joint, made, massive, numbers, robot_of, stage
 
@@ -258,7 +259,7 @@ def test_joints_that_constrain_together(tmp_path: Path) -> None:
     for text in (stacked('', ''), stacked('uniform bool newton:jointsAddMobility = 0')):
         robot = robot_of(tmp_path, text)
         assert [part.name for part in robot.parts] == ['b']
-        assert {(each.parent, each.child) for each in robot.connections} == {('ground', 'b')}
+        assert {(each.parent, each.child) for each in robot.connections} == {(GROUND, 'b')}
 
 
 @pytest.mark.parametrize(

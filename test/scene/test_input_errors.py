@@ -352,6 +352,27 @@ TOKENS = (
 ).split(' ') + ['[0, 0]', '{k: [0, 3]}', '- ', '\t']
 
 
+TWO_WITH_ONE_NAME = """mechanism:
+  alf: 1
+  space: spatial
+  points: {O: {at: [0, 0, 0], fixed: true}, A: {at: [1, 0, 0]}}
+  bodies:
+    a: {points: [O, A], mass: 1, inertia: {about_com: [1, 1, 1]}, com: [0, 0, 0]}
+    b: {points: [A], mass: 1, inertia: {about_com: [1, 1, 1]}, com: [0, 0, 0]}
+  joints:
+    u: {type: universal, between: [ground, a], at: O, axes: [[1, 0, 0], [0, 1, 0]]}
+    u_first: {type: revolute, between: [a, b], at: A, axis: [0, 1, 0]}
+"""
+
+
+def test_two_joint_coordinates_of_one_name() -> None:
+    """Commands and joint states would have one of them."""
+    scene_from_text(TWO_WITH_ONE_NAME.replace('u_first', 'u_third'))
+    message = ":10: .*joints.u_first: a coordinate of u has the same name.*, got 'u_first'"
+    with pytest.raises(InputError, match=message):
+        scene_from_text(TWO_WITH_ONE_NAME)
+
+
 def _mutant(text: str, random: random.Random) -> str:
     for _ in range(random.randint(1, 3)):
         lines = text.split('\n')

@@ -169,7 +169,19 @@ def read_parts(
         dimension,
         shapes=shapes.read(fields[SHAPES], values) if SHAPES in fields else (),
     )
+    _check_coordinates(mechanism, parts)
     return mechanism, parts
+
+
+def _check_coordinates(mechanism: Mechanism, parts: Parts) -> None:
+    """Refuse a name of two joint coordinates, such as of a `universal` u and another joint
+    u_first: commands and joint states are by these names."""
+    owners: dict[str, Joint] = {}
+    for coordinate in mechanism.coordinates:
+        other = owners.setdefault(coordinate.name, coordinate.joint)
+        if other is not coordinate.joint:
+            message = f'a coordinate of {other.name} has the same name as one of this joint'
+            raise parts.entries[coordinate.joint.name].error(message, value=coordinate.name)
 
 
 def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> dict[str, float]:

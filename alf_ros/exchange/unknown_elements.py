@@ -1,0 +1,27 @@
+"""Elements of a robot file that its format does not have there, or has once.
+
+Simulators pass over them, as over a misspelt one, and know different extensions. No reader here
+looks at them, so a report names them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from xml.etree import ElementTree
+
+
+def of(
+    element: ElementTree.Element, known: Collection[str], several: Collection[str]
+) -> Iterator[tuple[str, ElementTree.Element]]:
+    """Such elements in another one, each after its tag without a name space.
+
+    known: the tags that it may have; several: the tags that it may have several times.
+    """
+    seen = set()
+    for each in element:
+        if not isinstance(each.tag, str):  # a comment
+            continue
+        if each.tag not in known or each.tag in seen:
+            yield each.tag.rpartition('}')[2], each
+        elif each.tag not in several:
+            seen.add(each.tag)
