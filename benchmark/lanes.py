@@ -3,9 +3,9 @@
 Of each mechanism: members that differ in gravity, from the same start, with rk4 and dop853 at
 fixed steps, and with dop853_adaptive, tolerance 1e-9, on grids of a short and of a long step; the
 time of a step of a member in lanes and alone, their ratio, and the part of the steps that members
-took alone, beside singular positions. With as many lanes as a register has, and with two registers
-at once, as large studies step small mechanisms. The fastest of several rounds of both, by turns,
-in one process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
+took alone, beside singular positions. With as many lanes as a register has, with half a register,
+and with two registers at once, as large studies step small mechanisms. The fastest of several
+rounds of both, by turns, in one process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--members', type=int, default=64)
     options = parser.parse_args()
-    widths = [lanes for lanes in (width(), 2 * width()) if lanes in WIDTHS]
+    widths = [lanes for lanes in (width() // 2, width(), 2 * width()) if lanes in WIDTHS]
     heads = f'{"lanes":>6}{"step, ms":>10}{"together, us":>13}{"alone, us":>11}'
     print(f'{"":33}{heads}{"ratio":>7}{"apart":>7}')
     rows: list[list[object]] = []

@@ -76,10 +76,7 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
     for actuator in robot.actuators:
         if actuator.on_tendon and actuator.joint in shapes:
             shape, drawn = shapes[actuator.joint]
-            taken = {
-                *entries,
-                *named.joints.values(),
-            }  # targets of a joint's name are for the joint
+            taken = {*entries, *named.joints.values()}  # targets of a joint's name are its own
             entries[_label(actuator.name, taken)] = shape | _drive(actuator, drawn)
     return entries
 
