@@ -421,7 +421,7 @@ def test_a_state_without_tangents_is_refused(robot: Scene) -> None:
 @pytest.mark.parametrize('integrator', ['rk4', 'esdirk43'])
 def test_all_runs_share_the_code_of_their_steps(robot: Scene, integrator: str) -> None:
     """Whatever follows them or writes them down; else each would compile the steps again."""
-    settings = {'integrator': integrator}
+    settings: dict[str, Any] = {'integrator': integrator}
     Simulation(robot, **settings).step()
     steps = {'rk4': kernel.advance, 'esdirk43': kernel.advance_implicitly}[integrator]
     before = len(steps.signatures)
