@@ -76,6 +76,7 @@ MOTION = {
     'start',
     'limits of mimics': 'they contradict those of the joints that are mimicked: loops were closed '
     'beyond them',
+    'limits: there are none': 'the format asks for some: these joints move without end',
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',

@@ -34,6 +34,7 @@ _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismat
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
 _SEVERAL = ('planar', 'floating')  # types with several coordinates
+_LIMITED = ('revolute', 'prismatic')  # types that have limits
 # by element the elements in it that are read, or named one by one
 _READ = {
     'robot': ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control'),
@@ -169,7 +170,7 @@ class UrdfReader:
             x = self._mimicked(name, positions, ())
             if name in given and abs(given[name] - x) > _OFF:
                 message = f'{name!r} mimics {self.mimics[name][0]!r}, which has it at {x:.9g}'
-                raise InputError(message, key='--set', value=given[name])
+                raise InputError(message, key='--set or side file', value=given[name])
         return positions | {name: self._mimicked(name, positions, ()) for name in self.mimics}
 
     def _mimicked(
@@ -269,7 +270,7 @@ class UrdfReader:
         if joint.type in ('fixed', 'floating'):
             return
         pose = self.poses[joint.child]
-        turns = joint.limit is not None and joint.type in ('revolute', 'prismatic')
+        turns = joint.limit is not None and joint.type in _LIMITED
         drawn = self.positions.get(joint.name, 0.0)
         if drawn:
             self.robot.leave('zero of joints', f'{joint.name} at {drawn:.12g}')
@@ -315,6 +316,8 @@ class UrdfReader:
                 if getattr(joint, kind, None) is not None:
                     self.robot.leave(kind, joint.name)
             limit = joint.limit
+            if limit is None and joint.type in _LIMITED:
+                self.robot.leave('limits: there are none', joint.name)
             if limit is not None and limit.velocity:
                 self.robot.leave('limits of velocity', joint.name)
             if limit is not None and limit.effort and joint.name not in pushed:

@@ -175,7 +175,7 @@ def test_a_mimicking_joint_of_a_urdf(ratio: float, tmp_path: Path) -> None:
     sim.step(1000)
     found = [sim.sample().joints[name].position for name in ('one', 'two')]
     assert found == pytest.approx(two_bars(ratio, 1.0), abs=1e-9)
-    message = "'two' mimics 'one', which has it at 0.2"
+    message = "--set or side file: 'two' mimics 'one', which has it at 0.2"
     with pytest.raises(InputError, match=message):
         imported(path, positions={'two': 1.0})
 
@@ -217,6 +217,13 @@ def test_motors_of_a_urdf(tmp_path: Path) -> None:
         assert found['joint_friction'].load == 0.3 and found['joint_friction'].dynamic == 1.0
         assert ('gains of actuators' in text) == gains
         assert ('one at 0.4, two at 0.9' in text) == gains
+
+
+def test_a_revolute_joint_without_limits_is_listed(tmp_path: Path) -> None:
+    turning = finger(1.0, 0.0)
+    text = imported(saved(tmp_path, 'it.urdf', turning.replace('continuous', 'revolute')))
+    assert '#   limits: there are none: the format asks for some' in text
+    assert 'limits' not in imported(saved(tmp_path, 'it.urdf', turning))
 
 
 def test_an_effort_limit_of_zero_is_none_and_listed(tmp_path: Path) -> None:
