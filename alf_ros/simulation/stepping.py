@@ -256,11 +256,12 @@ class Stepper:
         """A problem whose steps have a companion: code at an address, and the struct that it
         fills. `good`: memory for tangents at the last point of the grid."""
         companion = np.array([code, address_of(by)], dtype=np.uint64)
-        found = divider(self._model.layout.dimension)
+        kinks = problem.forces.effects.side.size > 0
+        found = [divider(self._model.layout.dimension).address] if kinks else []
         work = changed(
             problem.work,
             companion=companion,
-            divider=np.array([found.address], dtype=np.uint64),
+            divider=np.array(found, dtype=np.uint64),
             good_tangents=good,
         )
         return changed(problem, work=work)
