@@ -87,7 +87,7 @@ def iterate(
         size = max(size, alone, NOTHING)
         left = np.sqrt(system.penalty) * update_rows(unit, system.rows, work)
         if left <= fine * size:
-            if EPS * system.penalty * step <= tolerance * size:
+            if system.rounding * step <= tolerance * size:
                 return count, slowest
         elif count > 1:
             ratio = min(1.0, left / before)

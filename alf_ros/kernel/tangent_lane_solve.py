@@ -8,7 +8,7 @@ import numpy as np
 
 from alf_ros.kernel.augmented_residuals import residuals, update_rows
 from alf_ros.kernel.augmented_solve import NOISE, solved_anew
-from alf_ros.kernel.data import EPS, NOTHING, SOLVED, FollowedStage, Problem, System, Tangents
+from alf_ros.kernel.data import NOTHING, SOLVED, FollowedStage, Problem, System, Tangents
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import inlined, inner
@@ -57,7 +57,7 @@ def solved_together(
     # a projection mostly takes one round, and other solves two: how the first one of these ended
     # is judged only if that is not all
     first_step, first_size = step_by(unit, system, at, x)  # A δ = …, x += δ: (26), (33)
-    first_step *= EPS * system.penalty
+    first_step *= system.rounding
     first_own = max(first_size, NOTHING)
     if slow_modes == LEAVE and forces == ALONG_MASS:
         if everywhere(_are_last(system, fine, before, first_step, first_own)):
@@ -74,7 +74,7 @@ def solved_together(
             add_soft_times(unit, system.soft, -1.0, at.delta, f)
     residuals(unit, system, at, f, x)
     step, size = step_by(unit, system, at, x)
-    step *= EPS * system.penalty
+    step *= system.rounding
     own = max(size, NOTHING)
     if slow_modes == LEAVE and everywhere(_are_last(system, fine, before, step, own)):
         return True
@@ -87,7 +87,7 @@ def solved_together(
         if count > 2:
             residuals(unit, system, at, f, x)
             step, size = step_by(unit, system, at, x)
-            step *= EPS * system.penalty
+            step *= system.rounding
             own = max(size, NOTHING)
             if slow_modes == LEAVE and nowhere(
                 going & unless(_are_last(system, fine, before, step, own))

@@ -45,6 +45,7 @@ T = TypeVar('T')
 _ROWS, _MEASURES = ResultMemory(32), ResultMemory(32)  # by geometry
 _PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
 _ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
+_USUAL = 10.0  # times what rounding and the softest mode leave of a round in ordinary positions
 _NEAR = 0.05  # of the ratio at a place that is too close to a singular position
 # arrays of a workspace, by their sizes
 _OF_BLOCKS = tuple(
@@ -114,7 +115,7 @@ class Model:
         """The same, knowing the least singular value σ of its ordinary positions, and how many
         rows depend on the others there."""
         close = close_to(sigma)
-        patience = patience_of(self.system.penalty, close, sigma)
+        patience = patience_of(self.system.penalty, self.system.rounding, close, sigma)
         rank = float(len(self.row_names) - dependent_rows)
         system = changed(self.system, ordinary=sigma, rank=rank, close=close, patience=patience)
         return replace(self, system=system)
@@ -124,10 +125,15 @@ class Model:
         rows = self.system.rows
         alpha = rows.alpha * (penalty / self.penalty)
         alpha.flags.writeable = False
-        patience = patience_of(penalty, self.system.close, self.system.ordinary)
-        rows = changed(rows, alpha=alpha)
-        system = changed(self.system, rows=rows, penalty=penalty, patience=patience)
-        return replace(self, system=system, penalty=penalty)
+        rounding = self.system.rounding * (penalty / self.penalty)
+        system = changed(self.system, rows=changed(rows, alpha=alpha), penalty=penalty)
+        return replace(self, system=system, penalty=penalty).rounded(rounding)
+
+    def rounded(self, rounding: float) -> Model:
+        """The same, knowing what rounding leaves of a free motion."""
+        own = self.system
+        patience = patience_of(own.penalty, rounding, own.close, own.ordinary)
+        return replace(self, system=changed(own, rounding=rounding, patience=patience))
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
@@ -191,6 +197,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         size=layout.length,
         mean=float(mass.diagonal.mean()),
         penalty=penalty,
+        rounding=EPS * penalty,
         ordinary=1.0,
         rank=0.0,
         close=0.0,
@@ -326,12 +333,13 @@ def close_to(sigma: float) -> float:
     return _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
 
 
-def patience_of(penalty: float, close: float, ordinary: float) -> float:
-    """The convergence ratio above which a solve is slow. It is above the rounding of a round, and
-    far below the ratio of a position too close to a singular one."""
+def patience_of(penalty: float, rounding: float, close: float, ordinary: float) -> float:
+    """The convergence ratio above which a solve is slow. It is above what is left of a round in
+    ordinary positions, and far below the ratio of a position too close to a singular one."""
     sigma = close * ordinary
     near = 1.0 / (1.0 + penalty * sigma**2)
-    return max(_PATIENCE, min(_ROUNDED * EPS * penalty, _NEAR * near))
+    usual = max(_ROUNDED * EPS * penalty, _USUAL * rounding, _USUAL / (penalty * ordinary**2))
+    return max(_PATIENCE, min(usual, _NEAR * near))
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:

@@ -19,6 +19,7 @@ from alf_ros.kernel.numba_ext.jit import ZERO, compiled
 from alf_ros.kernel.numba_ext.lane_structs import struct_at
 from alf_ros.kernel.numba_ext.structs import Struct
 from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.solve_rounding import solve_rounding
 from alf_ros.model.closing_newton import settle
 
 PLACES = 4  # examined of each member: where it closes, and three around it
@@ -81,7 +82,7 @@ class MemberRanks(Struct):
     system: Addresses  # (members,) of its System
     wanted: Integers  # (members,) 1 where it is asked for
     q: Floats  # (members, PLACES, all blocks D) m
-    trace: Floats  # (members,) tr(M A⁻¹) there; not a number without a factor
+    trace: Floats  # (members,) tr(M A⁻¹) there, not a number without a factor; or the rounding
     Z: Floats  # (movable D D,) memory
     Zo: Floats  # (blocks D D,) memory
 
@@ -102,6 +103,20 @@ def trace_members(unit: Unit, of: System, work: Work, place: int, found: MemberR
             Z, Zo, diagonal, off = found.Z, found.Zo, work.diagonal, work.off
             column, pattern = work.column, system.pattern
             found.trace[m] = mass_trace(unit, pattern, diagonal, off, column, Z, Zo)
+
+
+@compiled
+def round_members(unit: Unit, of: System, work: Work, aside: float, found: MemberRanks) -> None:
+    """`solve_rounding` of the members that are `wanted`, where they close, as `trace`."""
+    members, size = np.uint64(found.system.size), np.uint64(work.q.size)
+    for m in range(ZERO, members):
+        if found.wanted[m] == 0:
+            continue
+        first = m * np.uint64(PLACES) * size
+        for i in range(ZERO, size):
+            work.shift[i] = found.q[first + i]
+        system = struct_at(of, found.system[m])
+        found.trace[m] = solve_rounding(unit, system, work, work.shift, aside)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel import System
-from alf_ros.kernel.data import NOTHING
+from alf_ros.kernel.data import EPS, NOTHING
+from alf_ros.kernel.solve_rounding import ASIDE
 from alf_ros.model.assembly import AGREED, CLOSED, LEAST, TO_ROUNDING, Given, held
 from alf_ros.model.compile import Model, allocate, close_to, hold, patience_of
 from alf_ros.model.constraints.carried_masses import have_light
@@ -29,6 +30,7 @@ from alf_ros.model.member_starts import (
     MemberVelocities,
     close_members,
     complete_members,
+    round_members,
     trace_members,
 )
 from alf_ros.model.member_structs import MemberStructs
@@ -40,7 +42,7 @@ from alf_ros.model.ordinary_positions import (
     WHOLE,
     directions,
 )
-from alf_ros.model.penalty import penalty_of
+from alf_ros.model.penalty import light_penalty, rounding_of, stiff_penalty
 from alf_ros.model.rank import distance
 from alf_ros.model.symbolic_factor import filled
 
@@ -56,6 +58,7 @@ NUMBERS = (
     'pattern.bar',
     'mean',
 )
+SOLVES = 'penalty', 'rounding'
 
 Mask = NDArray[np.bool_]
 
@@ -73,14 +76,15 @@ class Masses(NamedTuple):
 class Starts(NamedTuple):
     """Where members start.
 
-    q, qd (members, blocks D) m, m/s; `penalty`, `ordinary`, `close`, `patience` (members,) as in
-    `System`; usual (members,): whether all of this was found; the others start in a way of their
+    q, qd (members, blocks D) m, m/s; `penalty`, `rounding`, `ordinary`, `close`, `patience`
+    (members,) as in `System`; usual (members,): whether all of this was found; the others start in a way of their
     own.
     """
 
     q: Floats
     qd: Floats
     penalty: Floats
+    rounding: Floats
     ordinary: Floats
     close: Floats
     patience: Floats
@@ -185,7 +189,7 @@ class MemberSystems:
     def _start(self, masses: Masses, given: Floats) -> Starts:
         rows = len(self._model.row_names)
         base = np.full(self._members, self._penalty)
-        self._own.put(self._drawn, masses, base)
+        self._own.put(self._drawn, masses, base, EPS * base)
         for soft, resolving in zip(self._soft, RESOLVING, strict=True):
             self._own.copy_to(soft.structs)
             soft.structs.rows.alpha[:] *= resolving / self._penalty
@@ -196,14 +200,13 @@ class MemberSystems:
         for place in range(1, PLACES if doubtful.any() else 1):
             usual &= ~doubtful | self._no_firmer(place, doubtful, ordinary)
         ordinary = np.where(usual, ordinary, 1.0)
-        penalty, close, patience = self._limits(ordinary)
-        self._own.structs.rows.alpha[:] *= (penalty / base)[:, None]
-        self._own.structs.penalty[:] = penalty
+        penalty, rounding = self._penalties(base, ordinary, usual)
+        close, patience = self._limits(penalty, rounding, ordinary)
         usual &= ~(distance(rows - self._rank(0, 0, usual), penalty) < close * ordinary)
-        usual &= self._completed(masses, penalty, given)
+        usual &= self._completed(masses, penalty, rounding, given)
         q = self._places.q.reshape(self._members, PLACES, -1)[:, 0]
         qd = self._velocities.qd.reshape(self._members, -1)
-        return Starts(q, qd, penalty, ordinary, close, patience, usual)
+        return Starts(q, qd, penalty, rounding, ordinary, close, patience, usual)
 
     def _closed(self, place: int, wanted: Mask) -> Mask:
         """Close members; returns those that are closed."""
@@ -243,23 +246,48 @@ class MemberSystems:
                 left &= ~shown & (missing == missing)
         return sigma
 
-    def _limits(self, ordinary: Floats) -> tuple[Floats, Floats, Floats]:
-        """(members,) penalty, `close` and `patience`."""
-        found = []
-        for sigma in ordinary.tolist():
-            penalty, close = penalty_of(self._penalty, sigma), close_to(sigma)
-            found.append((penalty, close, patience_of(penalty, close, sigma)))
-        penalty, close, patience = np.array(found).T.copy()
-        return penalty, close, patience
+    def _penalties(self, base: Floats, ordinary: Floats, wanted: Mask) -> tuple[Floats, Floats]:
+        """(members,) penalties and `rounding`, which the own structs have then."""
+        own, found = self._own.structs, self._ranks[0]
+        sigmas = ordinary.tolist()
+        stiff = np.array([stiff_penalty(self._penalty, sigma) for sigma in sigmas])
+        own.rows.alpha[:] *= (stiff / base)[:, None]
+        own.penalty[:] = stiff
+        found.wanted[:] = wanted
+        round_members(self._model.unit, own.member(0), self._work, ASIDE, found)
+        before, parts = stiff.tolist(), np.where(wanted, found.trace, 0.0).tolist()
+        each = list(zip(before, sigmas, parts, strict=True))
+        penalty = np.array([light_penalty(*one) for one in each])
+        own.rows.alpha[:] *= (penalty / stiff)[:, None]
+        own.penalty[:] = penalty
+        roundings = [
+            rounding_of(last, first, part)
+            for last, (first, _, part) in zip(penalty.tolist(), each, strict=True)
+        ]
+        own.rounding[:] = roundings
+        return penalty, np.array(roundings)
 
-    def _completed(self, masses: Masses, penalty: Floats, given: Floats) -> Mask:
+    def _limits(
+        self, penalty: Floats, rounding: Floats, ordinary: Floats
+    ) -> tuple[Floats, Floats]:
+        """(members,) `close` and `patience`."""
+        found = []
+        for own, left, sigma in zip(
+            penalty.tolist(), rounding.tolist(), ordinary.tolist(), strict=True
+        ):
+            close = close_to(sigma)
+            found.append((close, patience_of(own, left, close, sigma)))
+        close, patience = np.array(found).T.copy()
+        return close, patience
+
+    def _completed(self, masses: Masses, penalty: Floats, rounding: Floats, given: Floats) -> Mask:
         """Complete the velocities; returns where they agree with those given."""
         found, of = self._velocities, self._completing
         if of.is_of(self._model.system):
             self._own.copy_to(of.structs)
         else:
             of.take_rows(self._own)
-            of.put(self._drawn, masses, penalty)
+            of.put(self._drawn, masses, penalty, rounding)
         wanted = found.wanted.reshape(self._members, -1)
         wanted[:, self._given] = given
         unit, work = self._model.unit, self._work_to_complete
@@ -270,7 +298,7 @@ class MemberSystems:
     def put_into(self, systems: MemberStructs, starts: Starts) -> None:
         """Write the systems of the members, as their steps need them, where others stand."""
         self._own.copy_to(systems)
-        for name in ('penalty', 'ordinary', 'close', 'patience'):
+        for name in (*SOLVES, 'ordinary', 'close', 'patience'):
             getattr(systems, name)[:] = getattr(starts, name)
 
 
@@ -278,7 +306,7 @@ class OfOneSystem:
     """Structs of the members' own systems, or of these with more rows behind theirs."""
 
     def __init__(self, model: Model, system: System, members: int) -> None:
-        self.structs = MemberStructs(system, members, (*NUMBERS, 'penalty'))
+        self.structs = MemberStructs(system, members, (*NUMBERS, *SOLVES))
         self._model, self._system = model, system
         self._fill = filled(model.layout.movable, system.mass, system.rows)
         self._scales = MemberScales(model.unit, self.structs, model.layout.blocks)
@@ -295,13 +323,13 @@ class OfOneSystem:
             numbers = getattr(of.rows, name)
             getattr(to.rows, name)[:, : numbers.shape[1]] = numbers
 
-    def put(self, drawn: Floats, masses: Masses, penalty: Floats) -> None:
+    def put(self, drawn: Floats, masses: Masses, penalty: Floats, rounding: Floats) -> None:
         """Scales of the rows as drawn (members, blocks D), m, and all numbers that depend on these
-        masses and penalties (members,)."""
+        masses, penalties and `rounding` (members,)."""
         diagonal, k, w, _ = masses
         own, layout = self.structs, self._model.layout
         own.mass.diagonal[:], own.mass.k[:], own.mass.w[:] = diagonal, k, w
-        own.mean[:], own.penalty[:] = diagonal.mean(axis=1), penalty
+        own.mean[:], own.penalty[:], own.rounding[:] = diagonal.mean(axis=1), penalty, rounding
         self._scales.put(drawn, diagonal, np.array(own.mean), penalty)
         skew = self._model.system.mass.skew
         for name, values in self._fill.masses_of(layout.dimension, diagonal, k, skew, w).items():
@@ -309,7 +337,7 @@ class OfOneSystem:
 
     def copy_to(self, other: MemberStructs) -> None:
         """Write the numbers where others stand."""
-        for path in (*NUMBERS, 'penalty'):
+        for path in (*NUMBERS, *SOLVES):
             of, to = self.structs, other
             *parts, name = path.split('.')
             for part in parts:

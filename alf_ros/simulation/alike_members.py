@@ -23,7 +23,7 @@ from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptive
 from alf_ros.kernel.lanes.single_member import functions_of_members
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.model.member_structs import LanesOfMembers, MemberStructs
-from alf_ros.model.member_systems import NUMBERS, MemberSystems
+from alf_ros.model.member_systems import NUMBERS, SOLVES, MemberSystems
 from alf_ros.model.penalty import LEAST_PENALTY
 from alf_ros.model.tableaux import first_pace
 from alf_ros.simulation import input_checks as check
@@ -36,9 +36,7 @@ from alf_ros.simulation.simulation import Simulation
 _FEW, _MANY = 8, 32  # registers of members at a time
 _OFTEN = 2  # times from which on there are many
 _SMALL = 24  # coordinates: two registers of members of larger mechanisms leave the fast memory
-_SYSTEM = tuple(
-    f'system.{name}' for name in (*NUMBERS, 'penalty', 'ordinary', 'close', 'patience')
-)
+_SYSTEM = tuple(f'system.{name}' for name in (*NUMBERS, *SOLVES, 'ordinary', 'close', 'patience'))
 _OWN = (*_SYSTEM, 'forces.effects.params', 'work')
 _LOOKING = 'forces.kinks.path', 'forces.kinks.doubt'  # where contacts are looked for
 _SHARED = 'work.pulse', 'work.caller'  # a member that is stopped stops all

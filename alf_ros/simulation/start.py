@@ -81,7 +81,7 @@ def assembled(scene: Scene, solver: Solver) -> Assembled:
             work = allocate(model, model.system, 0)
             model, q, dependent, ordinary = _assembled(scene, model, work)
         if alf2:
-            model = fitted(model, model.system.ordinary)
+            model = fitted(model, ordinary, work, dependent)
         near = ordinary_positions.within(model, q, dependent, work)
         if near:
             q = assembly.close(model, scene.positions, q, least=0.0)

@@ -145,6 +145,7 @@ class System(Struct):
     size: float  # m, largest extent of the drawing
     mean: float  # kg, of the diagonal of M
     penalty: float  # α without dimension
+    rounding: float  # part of a free motion that rounding leaves in a solve, at least ε penalty
     ordinary: float  # least singular value σ at ordinary positions
     rank: float  # of Φ_q there
     close: float  # σ over that, below which rounding would be felt

@@ -14,7 +14,7 @@ from alf_ros.kernel.augmented_residuals import (
     update_rows,
 )
 from alf_ros.kernel.augmented_solve import NOISE
-from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Problem, System, Until, Work
+from alf_ros.kernel.data import NOTHING, SOLVED, Problem, System, Until, Work
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.lane_numbers import nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy, largest
@@ -42,7 +42,7 @@ def augmented_lanes(
         size = max(max(size, alone), NOTHING)
         left = np.sqrt(system.penalty) * update_rows(unit, system.rows, work)
         closed = left <= fine * size
-        ended = closed & (EPS * system.penalty * step <= tolerance * size)
+        ended = closed & (system.rounding * step <= tolerance * size)
         if count > 1:
             slow = unless(closed) & going
             ratio = min(1.0, left / before)

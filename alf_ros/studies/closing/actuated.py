@@ -96,8 +96,9 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     try:
         model = compile_model(driven, free.model.penalty)
         q = assembly.close(model, {}, carried(free.model, free.q, model))
-        dependent, _, sigma = ordinary_positions.ordinary(model, q)
-        model = fitted(model.accustomed(sigma, dependent), sigma)
+        work = allocate(model, model.system, 0)
+        dependent, ordinary, sigma = ordinary_positions.ordinary(model, q, work)
+        model = fitted(model.accustomed(sigma, dependent), ordinary, work, dependent)
     except AssemblyError as error:
         raise AssemblyError(
             error.message, file=scene.file, key=error.key, expected=error.expected
