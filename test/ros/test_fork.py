@@ -237,6 +237,7 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
         (['--at', '9'], 'not within the log.*from 0 to 0.36 s'),
         (['--at', '-1'], 'not within the log'),
         (['--at', 'x'], 'invalid float'),
+        (['--at', '0.1', '--duration', '-1'], '--duration: not usable, got -1.*0 or more'),
         ([], 'required.*--at'),
         (['--at', '0.1', '--set', 'couple.mass=1'], "did you mean 'coupler'"),
         (['--at', '0.1', '--set', 'coupler.mas=1'], "did you mean 'mass'"),

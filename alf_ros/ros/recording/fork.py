@@ -23,6 +23,7 @@ from alf_ros.ros.recording.recorder import unused
 from alf_ros.ros.recording.run_writer import LogRun, ticks
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import PICKED, joined
+from alf_ros.simulation import input_checks as check
 from alf_ros.simulation import state_vector
 from alf_ros.simulation.observables import READINGS
 from alf_ros.simulation.setup import Setup, on_grid, steps_per_tick
@@ -51,6 +52,8 @@ def fork(
     fails; the log is complete up to that step. A log whose inputs are not the ones of its motion
     is refused.
     """
+    if duration is not None:
+        check.number(duration, '--duration', 0.0)
     if name:
         unused(folder, name)  # told before the log is run
     resumed = resume(log, at, trust)
