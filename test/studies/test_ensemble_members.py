@@ -199,7 +199,7 @@ joints:
 
 
 def test_a_scene_within_a_study_is_that_of_a_scene_file(tmp_path):
-    """Its paths begin in the folder of the study, and its names may be those of constants."""
+    """Its paths begin in the folder of the study, and a point may have the name of a constant."""
     (tmp_path / 'own.yaml').write_text(OWN)
     (tmp_path / 'study.yaml').write_text(INLINE)
     study = load_study(tmp_path / 'study.yaml')

@@ -124,7 +124,7 @@ def test_a_parabola_has_its_integral_exactly(t: tuple[float, ...]) -> None:
 
 
 def test_an_output_does_not_depend_on_the_others():
-    """A crossing is that of the samples of the study, whatever instants another output adds."""
+    """A crossing has the samples of the study, whatever instants another output adds."""
     alone = {'up': KEPT['up']}
     found = [
         alf_ros.ensemble(
@@ -161,7 +161,7 @@ def test_the_extremes_are_of_the_members_that_are_counted():
 
 
 def test_the_report_says_of_how_many_points_and_members_it_is():
-    """Each point of Sobol' indices has four members here; those of point 3 have failed."""
+    """Each point of Sobol' indices has four members here; one of point 3 has failed."""
     study = study_of(
         TURNING,
         {'m': stats.uniform(1.0, 2.0), 'w': stats.uniform(1.0, 2.0)},
