@@ -29,5 +29,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     count = sum(file.count for file in made)
     end = f', to t = {log.end:.9g} s' if count else ''
     print(f'{folder}: {count} messages{end}')
-    print(f'lost: {log.damage}' if log.damage else 'nothing was lost: the log was closed')
+    missing = sum(log.survey.lost.values()) - log.survey.dropped
+    gaps = f'{missing} messages before its end' if missing > 0 else ''
+    lost = [text for text in (log.damage, log.absent, gaps) if text]
+    for text in lost:
+        print(f'lost: {text}')
+    if not lost:
+        print('nothing was lost: the log was closed')
     return 0

@@ -136,6 +136,7 @@ class _Comparison:
         topics = [*self._readings, self._journal]
         survey = self._log.survey
         self._wrong(input_faults.unread(self._log))
+        self._wrong([self._log.absent] if self._log.absent else [])
         for topic in sorted(survey.counts):
             if not self._is_known(topic):
                 self._fault(f'{topic}: a topic that its run does not have')

@@ -29,7 +29,9 @@ from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import Scene, effect_names, scene_from_text
 
 _PART = re.compile(r'(.*?)(?:_(\d+))?\.mcap')
+_LISTED = re.compile(r'^ *relative_file_paths:\n((?: *- .*\n?)+)', re.MULTILINE)
 _INPUTS = '~/inputs'
+_LARGEST_LIST = 16_000_000  # bytes of a metadata.yaml
 
 
 @dataclass(frozen=True)
@@ -187,6 +189,21 @@ class Log:
     def damage(self) -> str:
         """Where the log cannot be read, such as its end after a kill; '' if it is whole."""
         return self.survey.damage
+
+    @cached_property
+    def absent(self) -> str:
+        """Whether files of a log of several are not there, by its metadata.yaml; '' if none is
+        known to be. Such a log seems to be whole, if they are the last ones."""
+        try:
+            told = paths.head(self.path / 'metadata.yaml', _LARGEST_LIST).decode(
+                'utf-8', 'replace'
+            )
+        except InputError:  # one file, or a log that was cut off
+            return ''
+        listed = _LISTED.search(told)
+        count = listed[1].count('\n') if listed else 0
+        there = len(self.files)
+        return f'{count - there} of its {count} files are not there' if count > there else ''
 
     # ------------------------------------------------------------------------------------- content
 

@@ -249,6 +249,13 @@ def load_scene(
 
 
 @paused()
+def scene_within(root: Entry, folder: Path) -> Scene:
+    """The scene that is a part of another YAML file; its paths begin in `folder`. Raises
+    InputError, with lines of that file."""
+    return _read_scene(root, 'scene', References(folder), None)
+
+
+@paused()
 def scene_from_text(
     text: str,
     file: str = '<text>',

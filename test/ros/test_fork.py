@@ -205,6 +205,24 @@ def test_another_geometry_is_closed_and_keeps_its_momentum(tmp_path):
     assert compare(child).equal
 
 
+def test_an_angle_that_is_moved_over_half_a_turn_goes_on(tmp_path):
+    """Another length moves the crank by a little; its angle must not begin a turn away."""
+    path, _ = make(tmp_path, 'four_bar', 100)
+    log = load(path.parent)
+    joints = log.read('joint_states')
+    angles, crank = joints.columns['position'], joints.names.index('crank_pin')
+    over = int(np.flatnonzero(np.diff(angles[:, crank] > np.pi))[0])
+    beyond = set()
+    for k in (over, over + 1):
+        for b in ('0.28', '0.32'):
+            at, own = f'{log.states.t[k]:.9g}', tmp_path / f'{k}_{b}'
+            new = forked(log, own, '--at', at, '--set', f'b={b}', '--duration', '0.002')
+            begin = new.read('joint_states').columns['position'][0]
+            assert 0.0 < np.abs(begin - angles[k]).max() < 0.3
+            beyond.add((k > over, bool(begin[crank] > np.pi)))
+    assert {(False, True), (True, False)} <= beyond  # both ways over half a turn
+
+
 def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
     child = forked(parent, tmp_path, '--at', '0.1', '--set', 'solver.penalty=3e8', 'm=1.5')
     (gravity, step, tick) = (e for e in child.inputs if e['kind'] == 'settings')
@@ -219,6 +237,7 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
         (['--at', '9'], 'not within the log.*from 0 to 0.36 s'),
         (['--at', '-1'], 'not within the log'),
         (['--at', 'x'], 'invalid float'),
+        (['--at', '0.1', '--duration', '-1'], '--duration: not usable, got -1.*0 or more'),
         ([], 'required.*--at'),
         (['--at', '0.1', '--set', 'couple.mass=1'], "did you mean 'coupler'"),
         (['--at', '0.1', '--set', 'coupler.mas=1'], "did you mean 'mass'"),
@@ -231,6 +250,10 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
         ),
         (['--at', '0.1', '--set', 'effects.gravity.acceleration.7=1'], 'no such place'),
         (['--at', '0.1', '--set', 'L=0'], 'L|points|length'),
+        (
+            ['--at', '0.1', '--set', 'initial.velocities.A.0=1'],
+            'initial.velocities.A.0.*no effect: a fork begins in the state of the log|no effect',
+        ),
     ],
 )
 def test_what_cannot_be_is_one_line(parent, tmp_path, options, said, capsys):

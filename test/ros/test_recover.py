@@ -22,6 +22,8 @@ from rosgraph_msgs.msg import Clock
 from alf_ros.__main__ import main
 from alf_ros.logs import load, mcap_chunks
 from alf_ros.logs.comparison import compare
+from alf_ros.logs.report.summary import account
+from alf_ros.ros.recording.recorder import Split
 from support.log_files import make, read_by_others, rewritten
 from support.ros_node import Peer, SimulatorProcess, wrench
 
@@ -142,6 +144,23 @@ def test_a_whole_log_stays_what_it_is(tmp_path, capsys):
     assert log.survey.counts == load(path).survey.counts and log.record == load(path).record
     assert main(['recover', str(path.parent)]) == 2
     assert 'exists already' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('place', [1, -1])
+def test_a_file_that_is_not_there_is_said(tmp_path, capsys, place):
+    """Of a log of several files, also the last one: without it the log ends as a whole one."""
+    path, _ = make(tmp_path, 'slider_crank', 400, split=Split(duration=0.2))
+    files = sorted(path.parent.glob('*.mcap'))
+    assert len(files) == 4
+    files[place].unlink()
+    log = load(path.parent)
+    assert '1 of its 4 files are not there' in compare(log).faults
+    assert '1 of its 4 files are not there' in account(log).faults
+    assert main(['recover', str(path.parent)]) == 0
+    said = capsys.readouterr().out
+    assert 'lost: 1 of its 4 files are not there' in said and 'nothing was lost' not in said
+    missing = sum(log.survey.lost.values())
+    assert (f'lost: {missing} messages before its end' in said) == (place == 1)
 
 
 def test_where_nothing_can_be_written_is_one_line(tmp_path, capsys):

@@ -14,7 +14,7 @@ from alf_ros.scene.overrides import with_changes
 from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.distributions import normal, uniform
 from alf_ros.studies.ensemble.member import run_member
-from alf_ros.studies.ensemble.study_reading import study_of
+from alf_ros.studies.ensemble.study_reading import load_study, study_of
 
 DOWN, BELOW = 'gravity.acceleration.1', 'gravity.acceleration.2'
 # scene, what varies, duration (s): singular positions, space, redundant rows, drives
@@ -174,3 +174,52 @@ def test_steps_that_are_too_long_are_said(step: float, said: str) -> None:
         workers=0,
     )
     assert found.attrs['trouble'].startswith(said) and bool(found.attrs['trouble']) == bool(said)
+
+
+INLINE = """\
+scene:
+  mechanism: own.yaml
+  solver: {step: 1.0e-3}
+vary: {L: [0.5, 0.6]}
+sampling: grid
+duration: 0.1
+"""
+OWN = """\
+alf: 1
+space: planar
+parameters: {L: 1.0}
+points:
+  O: {at: [0, 0], fixed: true}
+  e: {at: [L, 0]}
+bodies:
+  pi: {points: [O, e], mass: 2.0, inertia: rod}
+joints:
+  tau: {type: revolute, between: [ground, pi], at: O}
+"""
+
+
+def test_a_scene_within_a_study_is_that_of_a_scene_file(tmp_path):
+    """Its paths begin in the folder of the study, and a point may have the name of a constant."""
+    (tmp_path / 'own.yaml').write_text(OWN)
+    (tmp_path / 'study.yaml').write_text(INLINE)
+    study = load_study(tmp_path / 'study.yaml')
+    assert study.scene_of(1).mechanism.points[1].at == (0.6, 0.0)
+    indented = ''.join(f'    {line}\n' for line in OWN.splitlines())
+    (tmp_path / 'whole.yaml').write_text(INLINE.replace(' own.yaml', f'\n{indented}'.rstrip()))
+    assert load_study(tmp_path / 'whole.yaml').scene_of(1).mechanism.points[1].at == (0.6, 0.0)
+
+
+@pytest.mark.parametrize(
+    'was, becomes, said',
+    [
+        ('solver: {step', 'solver: {stp', ":3: scene.solver.stp: unknown key, got 'stp'; did you"),
+        ('sampling: grid', 'sampling: lhs', ': members: how many?; expected a whole number'),
+        ('duration: 0.1', 'outputs: [{at: 11, of: energy}]', ':6: outputs.energy_at: after the'),
+    ],
+)
+def test_what_cannot_be_in_a_file_has_its_place(tmp_path, was, becomes, said):
+    (tmp_path / 'own.yaml').write_text(OWN)
+    (tmp_path / 'study.yaml').write_text(INLINE.replace(was, becomes))
+    with pytest.raises(InputError) as caught:
+        load_study(tmp_path / 'study.yaml')
+    assert str(caught.value).startswith(f'{tmp_path}/study.yaml{said}')

@@ -12,9 +12,11 @@ from scipy import stats
 import alf_ros
 from alf_ros import InputError
 from alf_ros.studies.ensemble.chunk import Chunk, run_chunk
-from alf_ros.studies.ensemble.kept_outputs import outputs
+from alf_ros.studies.ensemble.ensemble import Progress
+from alf_ros.studies.ensemble.kept_outputs import integral, outputs
 from alf_ros.studies.ensemble.statistics import Statistics
 from alf_ros.studies.ensemble.study_reading import study_of
+from alf_ros.studies.ensemble.summary_page import page
 
 # A crank of length L and mass m that turns at w (rad/s), from 1 rad; nothing else acts.
 TURNING = {
@@ -114,6 +116,71 @@ def test_the_last_sample_is_at_the_end(duration: float, period: float | None) ->
     assert float(member.low) == pytest.approx(lowest, abs=1e-9)
 
 
+@pytest.mark.parametrize('t', [(0.0, 0.6, 1.0), (0.0, 0.4, 1.0), (0.0, 0.4, 0.8, 1.0)])
+def test_a_parabola_has_its_integral_exactly(t: tuple[float, ...]) -> None:
+    """Also where two intervals have different lengths: their three samples have one parabola."""
+    at = np.array(t)
+    assert float(integral(at, 3.0 * at**2 + 1.0)) == pytest.approx(2.0, abs=1e-14)
+
+
+def test_an_output_does_not_depend_on_the_others():
+    """A crossing has the samples of the study, whatever instants another output adds."""
+    alone = {'up': KEPT['up']}
+    found = [
+        alf_ros.ensemble(
+            TURNING,
+            {'w': [3.0]},
+            sampling='table',
+            outputs=kept,
+            duration=3.0,
+            period=0.2,
+            workers=0,
+        )
+        for kept in (alone, {**alone, 'seen': {'at': [1.20001, 2.1], 'of': 'energy'}})
+    ]
+    assert np.array_equal(found[0].up_t, found[1].up_t, equal_nan=True)
+
+
+def test_numbers_of_any_label_are_in_the_statistics():
+    """Also those whose label begins as the dimension of values at instants does."""
+    kept = {'t_up': KEPT['up'], 'seen': KEPT['seen'], 'path': 'energy', 'end': 'final(energy)'}
+    study = study_of(TURNING, {'w': [3.0]}, sampling='table', outputs=kept, duration=3.0)
+    statistics = Statistics(study)
+    assert list(statistics.numbers) == ['t_up_t.1', 't_up_t.2', 'end']
+
+
+def test_the_extremes_are_of_the_members_that_are_counted():
+    study = study_of(
+        TURNING, {'w': [1.0] * 4}, sampling='table', outputs=['final(energy)'], duration=0.1
+    )
+    statistics = Statistics(study)
+    statistics.numbers['final_energy'][:] = math.inf, 2.0, 3.0, math.nan
+    told = statistics.summary('final_energy')
+    assert told is not None and told.count == 2
+    assert (told.least, told.largest) == ((2.0, 1), (3.0, 2))
+
+
+def test_the_report_says_of_how_many_points_and_members_it_is():
+    """Each point of Sobol' indices has four members here; one of point 3 has failed."""
+    study = study_of(
+        TURNING,
+        {'m': stats.uniform(1.0, 2.0), 'w': stats.uniform(1.0, 2.0)},
+        sampling='saltelli',
+        members=64,
+        outputs={'end': 'final(energy)', 'path': 'energy'},
+        duration=0.05,
+        chunk=64,
+    )
+    chunk = run_chunk(study, 0)
+    chunk.arrays['end'][12] = math.nan
+    chunk.arrays['path'][12] = math.nan
+    statistics = Statistics(study)
+    statistics.add(chunk)
+    text = page(Progress(64, 64, 1, 0, 1.0, statistics), iter([chunk]))
+    assert 'total Sobol index (first order), of 8 points' in text
+    assert 'path, J: 63 members' in text
+
+
 def test_passes_are_those_of_a_simulation_that_watches():
     study = study_of(
         'slider_crank', {'m': [1.0]}, sampling='table', duration=1.5, outputs=[{'passes': 3}]
@@ -184,6 +251,7 @@ def test_statistics_and_indices_of_a_law_that_is_known():
         ([{'crossing': 'energy', 'valeu': 1}], "crossing: unknown key, got 'valeu'; did you mean"),
         ({'1st': 'energy'}, "outputs: not a label, got '1st'"),
         ([{'function': 'nowhere'}], "function: not a function, got 'nowhere'"),
+        ([{'function': abs, 'reads': 1}], 'reads: not a list of names, got 1'),
     ],
 )
 def test_an_output_that_cannot_be_is_said(given, said):
@@ -208,9 +276,17 @@ def test_an_output_that_cannot_be_is_said(given, said):
             {'x': {'at': [0.05], 'of': 'energy'}, 't_x': 'final(energy)'},
             "outputs: a label that a dimension of an output has too, got 't_x'",
         ),
+        (
+            {'x': 'max(norm(body_poses.crank))'},
+            'outputs: x: a pose has no norm: its components have other units',
+        ),
+        (
+            {'x': {'at': [0.2], 'of': 'energy'}},
+            'outputs.x: after the end, got 0.2; expected up to the duration, 0.1 s',
+        ),
     ],
 )
-def test_outputs_numbers_and_dimensions_of_one_name_are_said_before_anything_runs(given, said):
+def test_outputs_that_a_study_cannot_have_are_said_before_anything_runs(given, said):
     with pytest.raises(InputError) as caught:
         study_of(TURNING, {'L': [0.5, 0.8]}, sampling='table', outputs=given, duration=0.1)
     assert str(caught.value).startswith(said)

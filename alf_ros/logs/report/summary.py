@@ -56,7 +56,7 @@ def account(log: Log, report: progress.Report = progress.silent) -> Account:
     name = log.path.stem if log.path.is_file() else log.path.resolve().name
     made = Account(name, log.info['scene'], found, drawn, first, last, _about(log, found), [])
     made.notes = _notes(made, why)
-    made.faults = [found.damage] if found.damage else []
+    made.faults = [fault for fault in (found.damage, log.absent) if fault]
     made.faults += [
         f'{count} messages of {topic} are missing' for topic, count in found.lost.items()
     ]

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros import kernel
+from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.logs.input_faults import check_motion, shows_states
 from alf_ros.logs.log import Log
@@ -16,10 +18,12 @@ from alf_ros.logs.progress import Report, silent
 from alf_ros.logs.rerun import Rerun
 from alf_ros.logs.resume import resume
 from alf_ros.model import assembly
+from alf_ros.model.compile import Model
 from alf_ros.ros.recording.recorder import unused
 from alf_ros.ros.recording.run_writer import LogRun, ticks
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import PICKED, joined
+from alf_ros.simulation import input_checks as check
 from alf_ros.simulation import state_vector
 from alf_ros.simulation.observables import READINGS
 from alf_ros.simulation.setup import Setup, on_grid, steps_per_tick
@@ -48,6 +52,8 @@ def fork(
     fails; the log is complete up to that step. A log whose inputs are not the ones of its motion
     is refused.
     """
+    if duration is not None:
+        check.number(duration, '--duration', 0.0)
     if name:
         unused(folder, name)  # told before the log is run
     resumed = resume(log, at, trust)
@@ -98,6 +104,10 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
     """Let `rerun` continue with changes; returns the state in which the changed mechanism
     begins."""
     before = rerun.simulation
+    for name in changes:
+        if name.partition('.')[0] == 'initial':
+            said = 'has no effect: a fork begins in the state of the log'
+            raise InputError(said, key='--set', value=name)
     scene = overrides.with_changes(rerun.scene, changes)
     own = {key: getattr(scene.solver, key) for key in changed}
     solver = dataclasses.asdict(before.solver)
@@ -119,15 +129,28 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
         raise InputError(text, key='--set')
     state = state_vector.state(after.model, after.state, numbers, rates, start.inputs)
     after.restore(on_grid(state, before.h, after.h))
-    found = after.sample().diagnostics
-    if max(found.position_violation, found.velocity_violation) > _OPEN * after.model.size:
+    found, q, qd = after.sample().diagnostics, state.q, state.qd
+    is_open = max(found.position_violation, found.velocity_violation) > _OPEN * after.model.size
+    if is_open:
         try:
-            q, qd = assembly.brought_back(after.model, state.q, state.qd, after.t)
+            q, qd = assembly.brought_back(after.model, q, qd, after.t)
         except AssemblyError as error:
             raise InputError(f'from this instant, {error.message}', key='--set') from None
-        after.restore(after.state.moved(q, qd, after.state.turns))
+    # an angle near half a turn that is moved over it goes on, and does not begin a turn away
+    jumps = _angles(after.model, q, start) - _angles(before.model, start.q, start)
+    turns = start.turns - np.round(jumps / (2.0 * np.pi)).astype(np.int64)
+    if is_open or (turns != start.turns).any():
+        after.restore(after.state.moved(q, qd, turns))
     rerun.scene, rerun.simulation = scene, after
     return after.state
+
+
+def _angles(model: Model, q: Floats, state: State) -> Floats:
+    """The counted angles (rad) at q (blocks D, m), with the turns and velocities of a state."""
+    angles, *others = np.zeros((3, state.turns.size))
+    of = model.unit, model.system.angles, q, state.qd, state.turns
+    kernel.counted_angles(*of, angles, *others)
+    return angles
 
 
 def _kept(rest: list[dict[str, Any]], rerun: Rerun, changed: set[str]) -> list[dict[str, Any]]:

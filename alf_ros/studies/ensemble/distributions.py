@@ -107,13 +107,8 @@ class Distribution:
             law = LAWS[self.law]
             ordered = [float(given[name]) for name in law.numbers]
             return lambda u: law.quantile(u, *ordered)
-        from scipy import stats
-
-        found = getattr(stats, self.law, None)
-        if not isinstance(found, stats.rv_continuous):
-            raise InputError('no such distribution', value=self.law, choices=LAWS)
         try:
-            frozen = found(**given)
+            frozen = _of_scipy(self.law)(**given)
         except TypeError as error:
             raise InputError(str(error), key=self.law) from None
         return lambda u: float(frozen.ppf(u))
@@ -132,6 +127,16 @@ class Distribution:
     def data(self) -> Any:
         """Plain data from which `distribution` makes the same distribution."""
         return {self.law: dict(self.numbers)}
+
+
+def _of_scipy(law: str) -> Any:
+    """A continuous distribution of scipy.stats. Raises InputError if it has none of this name."""
+    from scipy import stats
+
+    found = getattr(stats, law, None)
+    if not isinstance(found, stats.rv_continuous):
+        raise InputError('no such distribution', value=law, choices=LAWS)
+    return found
 
 
 def uniform(low: float, high: float) -> Distribution:
@@ -164,6 +169,8 @@ def distribution(data: Any, key: str) -> Distribution:
             ((law, numbers),) = data.items()
             if isinstance(numbers, Sequence) and not isinstance(numbers, str):
                 names = LAWS[law].numbers if law in LAWS else ()
+                if not names:
+                    _of_scipy(str(law))  # a slip of the pen comes before the form of its numbers
                 if len(names) != len(numbers):
                     expected = f'{names}' if names else '{name: number} of scipy.stats'
                     raise InputError('wrong parameters', key=law, value=numbers, expected=expected)

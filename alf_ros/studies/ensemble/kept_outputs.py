@@ -128,7 +128,7 @@ class KeptOutput:
             along = {mine: instants, **along}
             return (LabelledArray(label, (len(instants), *shape), (mine, *dims), unit, along),)
         if self.kind == 'integral':
-            unit = f'{unit} s'.strip()
+            unit = ', '.join(f'{each} s'.strip() for each in unit.split(', '))
         values = LabelledArray(label, shape, dims, unit, along)
         if self.kind in ('max', 'min'):
             return values, LabelledArray(f'{label}_t', shape, dims, 's', along)
@@ -143,6 +143,8 @@ class KeptOutput:
             if self.norm:
                 raise InputError('a single number has no norm', key=self.label)
             return (), unit, axis
+        if self.norm and axis == 'pose':
+            raise InputError('a pose has no norm: its components have other units', key=self.label)
         names = tuple(name.rpartition('.')[2] for name in columns)
         return (() if self.norm else names), unit, axis
 
@@ -159,9 +161,9 @@ class KeptOutput:
             values = np.sqrt((values * values).sum(axis=1))
         if self.kind == 'at':
             return (values[np.searchsorted(t, np.array(self.times) - SAME)],)
+        t, values = t[grid], values[grid]  # what other outputs are looked at changes nothing
         if self.kind == 'crossing':
             return (_first(self._crossings(t, values), self.count),)
-        t, values = t[grid], values[grid]
         if self.kind == 'history':
             return (values,)
         if self.kind == 'final':
@@ -232,13 +234,14 @@ def integral(t: Floats, values: Floats) -> Floats:
     three by the 3/8 rule, and of a single one by the trapezoid. A first or a last interval
     that is shorter has the integral of the parabola through the three samples at its end."""
     n = t.size - 1
-    if n > 1 and t[-1] - t[-2] < (1.0 - CLOSE) * (t[-2] - t[-3]):
+    is_short_last = n > 1 and t[-1] - t[-2] < (1.0 - CLOSE) * (t[-2] - t[-3])
+    is_short_first = n > 1 and t[1] - t[0] < (1.0 - CLOSE) * (t[2] - t[1])
+    if n == 2 and (is_short_first or is_short_last):  # both have the parabola
+        return _last_interval(-t[::-1], values[::-1]) + _last_interval(t, values)
+    if is_short_last:
         return integral(t[:-1], values[:-1]) + _last_interval(t[-3:], values[-3:])
-    if n > 1 and t[1] - t[0] < (1.0 - CLOSE) * (t[2] - t[1]):
-        mirrored = _last_interval(-t[2::-1], values[2::-1])
-        # of two intervals the other one has this parabola too
-        rest = _last_interval(t, values) if n == 2 else integral(t[1:], values[1:])
-        return mirrored + rest
+    if is_short_first:
+        return _last_interval(-t[2::-1], values[2::-1]) + integral(t[1:], values[1:])
     if n < 2:
         return np.asarray((t[-1] - t[0]) * 0.5 * (values[0] + values[-1]))
     weights = np.zeros(n + 1)
@@ -376,7 +379,8 @@ def _passes(data: Mapping[str, Any], label: str | None) -> KeptOutput:
 def _function(data: Mapping[str, Any], label: str | None) -> KeptOutput:
     function = UserFunction.of(data['function'])
     reads = data.get('reads', [])
-    if isinstance(reads, str) or not all(isinstance(name, str) for name in reads):
+    listed = isinstance(reads, Sequence) and not isinstance(reads, str)
+    if not listed or not all(isinstance(name, str) for name in reads):
         raise InputError('not a list of names', key='reads', value=reads)
     return KeptOutput(label or function.name, 'function', function=function, reads=tuple(reads))
 

@@ -34,12 +34,14 @@ class Influence:
     """How much one varied number matters for one output.
 
     With the sampling 'saltelli' `first` and `total` are Sobol' indices: the part of the variance
-    that the number explains by itself, and with all its interactions. `correlation` is Spearman's.
+    that the number explains by itself, and with all its interactions, estimated from so many
+    `points`. `correlation` is Spearman's.
     """
 
     name: str
     first: float
     total: float
+    points: int
     correlation: float
 
 
@@ -52,7 +54,7 @@ class Statistics:
         self.units: dict[str, str] = {}
         self._places: dict[str, tuple[str, tuple[int, ...]]] = {}
         for variable in study.variables:
-            if any(dim == 't' or dim.startswith('t_') for dim in variable.dims):
+            if variable.dims and variable.dims[0] in ('t', f't_{variable.name}'):
                 continue
             for place in np.ndindex(*variable.shape):
                 ends = [
@@ -85,7 +87,8 @@ class Statistics:
         there = values[np.isfinite(values)]
         if not there.size:
             return None
-        low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+        members = np.flatnonzero(np.isfinite(values))
+        low, high = int(members[there.argmin()]), int(members[there.argmax()])
         return NumberSummary(
             there.size,
             float(there.mean()),
@@ -100,7 +103,7 @@ class Statistics:
         from scipy import stats
 
         values = self.numbers[name]
-        first, total = self._indices(values)
+        first, total, points = self._indices(values)
         found = []
         for n, parameter in enumerate(self.study.samples.names):
             varied = self.parameters.get(parameter)
@@ -109,22 +112,22 @@ class Statistics:
                 both = np.isfinite(values) & np.isfinite(varied)
                 if both.sum() > 2 and np.ptp(values[both]) > 0.0 < np.ptp(varied[both]):
                     correlation = float(stats.spearmanr(varied[both], values[both]).statistic)
-            found.append(Influence(parameter, first[n], total[n], correlation))
+            found.append(Influence(parameter, first[n], total[n], points, correlation))
         return sorted(found, key=_weight, reverse=True)
 
-    def _indices(self, values: Floats) -> tuple[list[float], list[float]]:
+    def _indices(self, values: Floats) -> tuple[list[float], list[float], int]:
         """First and total Sobol' indices, of the points that all members have reached: as many as
-        there are, down to a power of 2."""
+        there are, down to a power of 2. And this number of points."""
         from scipy import stats
 
         d = len(self.study.samples.names)
         unknown = [math.nan] * d
         if self.study.sampling != 'saltelli':
-            return unknown, unknown
+            return unknown, unknown, 0
         whole: Floats = values.reshape(-1, d + 2)
         points: Floats = whole[np.isfinite(whole).all(axis=1)]
         if len(points) < _FEWEST or np.ptp(points) == 0.0:
-            return unknown, unknown
+            return unknown, unknown, 0
         n = 1 << int(math.log2(len(points)))
         columns = points[:n].T
         told = stats.sobol_indices(
@@ -132,7 +135,7 @@ class Statistics:
             n=n,
         )
         first, total = np.ravel(told.first_order), np.ravel(told.total_order)
-        return first.tolist(), total.tolist()
+        return first.tolist(), total.tolist(), n
 
 
 def _weight(of: Influence) -> float:

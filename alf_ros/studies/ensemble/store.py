@@ -105,6 +105,7 @@ class EnsembleStore:
             return
         try:
             before, now = json.loads(found), json.loads(text)
+            now['study'] = {key: now['study'][key] for key in self.study.data}  # as one reads it
             for part in ('versions', 'study'):
                 for key in now[part]:
                     if before[part].get(key) != now[part][key]:

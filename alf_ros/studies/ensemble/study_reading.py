@@ -20,7 +20,7 @@ from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError, StepError
-from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.scene import Scene, load_scene, scene_within
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.scene.text.yaml_document import BOOLEAN, Entry
@@ -78,7 +78,8 @@ def study_of(
     for output in found:
         if output.times and output.times[-1] > duration:
             late = output.times[-1]
-            raise InputError('after the end', key=output.label, value=late, expected='duration')
+            key, expected = f'outputs.{output.label}', f'up to the duration, {duration:g} s'
+            raise InputError('after the end', key=key, value=late, expected=expected)
     study = Study(
         **Study.parts(loaded),
         vary=tuple(varied.items()),
@@ -158,7 +159,11 @@ def load_study(source: str | Path, **changes: Any) -> Study:
     given: dict[str, Any] = {}
     for key, entry in fields.items():
         given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
-    given['scene'] = within(fields['scene'], lambda: scene_beside(given['scene'], path.parent))
+    if isinstance(fields['scene'].value, dict):
+        given['scene'] = scene_within(fields['scene'], path.parent)
+    else:
+        beside = lambda: scene_beside(given['scene'], path.parent)  # noqa: E731
+        given['scene'] = within(fields['scene'], beside)
     if 'outputs' in given:
         files = lambda: _functions(given['outputs'], path.parent)  # noqa: E731
         given['outputs'] = within(fields['outputs'], lambda: read_outputs(files()))
@@ -168,10 +173,10 @@ def load_study(source: str | Path, **changes: Any) -> Study:
         return study_of(**given)
     except InputError as error:
         key = (error.key or '').partition('.')[0]
-        said = None if key in changed else fields.get(key)
-        if error.file is None and said is not None:
-            raise InputError(str(error), file=str(path), line=said.line) from None
-        raise
+        if error.file is not None or key in changed:
+            raise
+        line = fields[key].line if key in fields else None  # none for a key that is missing
+        raise InputError(str(error), file=str(path), line=line) from None
 
 
 def within(entry: Entry, made: Callable[[], Any]) -> Any:

@@ -72,8 +72,9 @@ def _number(statistics: Statistics, name: str) -> Iterator[str]:
     values = statistics.numbers[name]
     yield svg_charts.histogram(f'{name}{unit}', values[np.isfinite(values)])
     influences = statistics.influences(name)
-    indices = any(not math.isnan(each.total) for each in influences)
-    title = 'total Sobol index (first order)' if indices else 'rank correlation, magnitude'
+    title, points = 'rank correlation, magnitude', influences[0].points
+    if points:  # fewer than there are, if members failed
+        title = f'total Sobol index (first order), of {points} points'
     yield svg_charts.bars(title, [_bar(each) for each in influences])
     for each in influences[:_MOST_SCATTERS]:
         varied = statistics.parameters.get(each.name)
@@ -127,7 +128,7 @@ class _Histories:
 
     def drawn(self) -> Iterator[str]:
         if self._variables and self._rows:
-            yield f'<h2>Over time, s: {self._members} members</h2>'
+            yield '<h2>Over time, s</h2>'
             yield html_table.paragraph(_BANDS)
         for variable in self._variables if self._rows else ():
             values = np.concatenate([row[variable.name] for row in self._rows]).astype(float)
@@ -136,7 +137,8 @@ class _Histories:
                 part = part[np.isfinite(part).all(axis=1)]
                 if len(part):
                     unit = f', {variable.unit}' if variable.unit else ''
-                    yield svg_charts.fan(f'{name}{unit}', self._t, part)
+                    title = f'{name}{unit}: {len(part)} members'
+                    yield svg_charts.fan(title, self._t, part)
 
 
 def _names(variable: LabelledArray) -> list[str]:
