@@ -179,6 +179,7 @@ def test_steps_to_impossible_designs_are_refused() -> None:
     found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)
     assert not found.settled and 'beyond lie designs that cannot be' in str(found)
     assert 0.15 < found['d'] < 0.1502
+    assert 'it cannot be between its samples: t = 0.8' in str(found)  # nor run there
     assert np.isnan(found.starts[found.best].tried).any()
     assert all(each.end is not None or each.reason for each in found.starts)
 
@@ -250,6 +251,17 @@ def test_steps_that_are_too_long_are_told() -> None:
         )
         (note,) = best.notes or ('',)
         assert ('its run is not resolved: steps of 0.05 s are too long' in note) == told
+
+
+@pytest.mark.parametrize(('period', 'told'), [(None, True), (1e-3, False)])
+def test_too_few_samples_are_told(period: float | None, told: bool) -> None:
+    """A bob on a circle, 24 times around: the period without one has four samples each turn. The
+    largest height is the length of the bar exactly."""
+    scene = whirled_bob()
+    scene['drives']['motor'] = {'joint': 'pin', 'angle': '40*pi*t + 0.3'}
+    best = optimise(scene, {'L': [0.4, 0.7]}, 'max(points.B.y)', duration=1.2, period=period)
+    assert told == any('has too few samples: with samples each 0.0' in n for n in best.notes)
+    assert told == (abs(best.objective_after - best['L']) > 1e-4)
 
 
 def test_two_equal_peaks_are_told() -> None:
