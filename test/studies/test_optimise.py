@@ -16,6 +16,7 @@ from alf_ros.errors import AlfError, InputError
 from alf_ros.studies.optimisation.design_goal import DesignGoal, design_goal
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
 from alf_ros.studies.optimisation.design_quantity import design_quantity
+from alf_ros.studies.optimisation.designs import Designs
 from alf_ros.studies.optimisation.driven_design import DrivenDesign
 from alf_ros.studies.optimisation.free_design import FreeDesign
 from alf_ros.studies.optimisation.instants import DesignMotion
@@ -262,6 +263,16 @@ def test_too_few_samples_are_told(period: float | None, told: bool) -> None:
     best = optimise(scene, {'L': [0.4, 0.7]}, 'max(points.B.y)', duration=1.2, period=period)
     assert told == any('has too few samples: with samples each 0.0' in n for n in best.notes)
     assert told == (abs(best.objective_after - best['L']) > 1e-4)
+
+
+@pytest.mark.parametrize(('every', 'denser'), [(1, 1), (2, 1), (9, 3), (10, 5), (7, 1)])
+def test_denser_samples_are_whole_steps(every: int, denser: int) -> None:
+    """Where forces decide. Every step is the densest."""
+    numbers = design_numbers(load_scene(four_bar(driven=False)), {'a': [0.05, 0.15]})
+    goal: Any = None  # no design is computed
+    assert Designs(numbers, goal, (), 1.0, 0.01 * every, False)._denser(0.01) == pytest.approx(
+        0.01 * denser
+    )
 
 
 def test_two_equal_peaks_are_told() -> None:

@@ -230,6 +230,11 @@ def test_messages_out_of_their_order(tmp_path: Path) -> None:
     assert np.allclose(channel.values, 0.7 + 1e-3 * np.arange(40), rtol=0.0, atol=1e-12)
 
 
+def test_a_plan_may_begin_at_zero(tmp_path: Path) -> None:
+    plan = written(tmp_path / 'plan', [_effort(0), _effort(10**8, effort=[2.0])])
+    assert [x.t for x in read_recording(plan, scene(), plan=True).inputs] == [0.0, 0.1]
+
+
 def test_a_stamp_that_is_years_away(tmp_path: Path) -> None:
     """It made a billion windows before the first one was looked at."""
     far = joints('/joint_states', NOW + 3 * 10**17, ['crank_pin'], position=[0.8])

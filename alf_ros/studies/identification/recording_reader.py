@@ -67,12 +67,13 @@ def read_recording(
     Raises InputError: for no recording, one without positions of joints of the scene, commands of
     joints that the scene lacks, and names in `renamed` that nothing has.
     """
-    return _Reader(paths.named(path), Simulation(scene), topics or Topics()).recording(plan)
+    return _Reader(paths.named(path), Simulation(scene), topics or Topics(), plan).recording()
 
 
 class _Reader:
-    def __init__(self, path: Path, simulation: Simulation, topics: Topics) -> None:
+    def __init__(self, path: Path, simulation: Simulation, topics: Topics, plan: bool) -> None:
         self._path, self._topics, self._simulation = path, topics, simulation
+        self._plan = plan
         self._files = _parts(path)
         self._joints: dict[tuple[str, str], list[tuple[Integers, Floats]]] = {}
         self._inputs: list[HeldInput] = []  # of a journal, in simulated time
@@ -85,7 +86,7 @@ class _Reader:
         self._all: dict[str, str] = {}  # topic -> type
         self._damage = ''
 
-    def recording(self, plan: bool) -> Recording:
+    def recording(self) -> Recording:
         own = self._own_log()
         if own is not None:
             checked_journal(own)
@@ -104,7 +105,7 @@ class _Reader:
             for key, pieces in self._joints.items()
             if any(np.isfinite(values).any() for _, values in pieces)
         }
-        self._check(plan)
+        self._check()
         begins = [int(told.min()) for pieces in self._joints.values() for told, _ in pieces]
         begins = begins or [stamp for stamp, _ in self._commands]
         origin = min(begins) if own is None else own.ahead
@@ -238,7 +239,7 @@ class _Reader:
             )
 
     def _stamped(self, topic: str, stamp: int) -> int:
-        if stamp == 0:
+        if stamp == 0 and not self._plan:  # a plan may begin at zero
             raise InputError(
                 'an input without a stamp: nothing tells when it acted',
                 file=str(self._path),
@@ -374,7 +375,8 @@ class _Reader:
 
     # ----------------------------------------------------------------------------------- checks
 
-    def _check(self, plan: bool) -> None:
+    def _check(self) -> None:
+        plan = self._plan
         for name in self._topics.renamed:
             if name not in self._seen and not plan:
                 names = [*self._unused, *(joint for joint, _ in self._joints)]

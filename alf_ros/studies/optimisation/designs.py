@@ -122,7 +122,7 @@ class Designs:
         if self._driven:
             return self._duration / (2 * round(self._duration / self._period) + 1)
         every = round(self._period / h)
-        return h * max(k for k in range(1, every // 2 + 2) if every % k == 0)
+        return h * max((k for k in range(1, every // 2 + 1) if every % k == 0), default=every)
 
     def curves(self, values: Floats) -> list[DesignCurve]:
         """Of the objective and of each limited number. Raises AlfError."""
