@@ -109,7 +109,7 @@ def test_a_stale_command_becomes_zero(tmp_path, peer):
 
 def test_a_stale_velocity_beside_a_position_becomes_zero(peer):
     """The position stays. With the old velocity the motor held the joint beside it, for ever."""
-    entries: list[dict] = []
+    entries: list[dict[str, object]] = []
     simulation = Simulation(load_scene('slider_crank_controlled'))
     inputs = CommandSubscriber(peer.node, simulation, entries.append, lambda: None, lambda: 0)
     inputs.timeout = 1.0
