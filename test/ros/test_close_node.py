@@ -228,6 +228,15 @@ def heard(*messages: dict[str, Any]) -> ActiveInput:
     return found
 
 
+def test_a_name_twice_changes_nothing() -> None:
+    """The last of its values counted, without a word."""
+    heard = ActiveInput({'a': 'a'})
+    assert heard.take(JointState(name=['a'], position=[0.1]))
+    assert not heard.take(JointState(name=['a', 'a'], position=[0.2, 0.5]))
+    assert heard.positions == {'a': 0.1} and heard.counts['repeated_names'] == 1
+    assert heard.trouble == "repeated_names: 'a' is in one message twice"
+
+
 def test_partial_messages_keep_the_last_values() -> None:
     found = heard(
         {'name': ['e1', 'b'], 'position': [1.0, 2.0], 'velocity': [3.0, 4.0]},

@@ -1,6 +1,7 @@
 """Commands from another process: what they do, and that the log repeats it bit for bit."""
 
 import math
+import time
 from functools import partial
 
 import pytest
@@ -8,6 +9,9 @@ from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from alf_ros import Simulation, load_scene
+from alf_ros.ros.simulator.inputs import CommandSubscriber
+from alf_ros.simulation.applied import Target
 from support.journal_run import repeat
 from support.ros_node import Diagnostics, Peer, SimulatorProcess, journal, read_log, wrench
 
@@ -101,6 +105,28 @@ def test_a_stale_command_becomes_zero(tmp_path, peer):
     ]
     last = {entry['kind']: entry['t'] for entry in commands}
     assert all(2.5 < end['t'] - last[end['kind']] < 6.0 for end in ends)
+
+
+def test_a_stale_velocity_beside_a_position_becomes_zero(peer):
+    """The position stays. With the old velocity the motor held the joint beside it, for ever."""
+    entries: list[dict[str, object]] = []
+    simulation = Simulation(load_scene('slider_crank_controlled'))
+    inputs = CommandSubscriber(peer.node, simulation, entries.append, lambda: None, lambda: 0)
+    inputs.timeout = 1.0
+    inputs._on_joints(JointState(name=['crank_pin'], position=[1.0], velocity=[2.0]))
+    inputs.apply()
+    now = time.monotonic()
+    for later in (0.5, 1.5, 3.0):
+        inputs.expire(now + later)
+        assert inputs.timed_out == (later > 1.0) and inputs.held == 1
+    assert [entry['velocity'] for entry in entries] == [2.0, 0.0]
+    assert entries[1]['cause'] == 'timeout' and entries[1]['position'] == 1.0
+    assert inputs.last_trouble.startswith('velocity of crank_pin not renewed for 1 s')
+    assert simulation.state.inputs.targets['crank_pin'] == Target(1.0, 0.0)
+    inputs._on_joints(JointState(name=['crank_pin'], position=[1.0]))
+    inputs.apply()
+    inputs.expire(now + 9.0)
+    assert inputs.timed_out == 1 and entries[-1]['velocity'] is None
 
 
 def test_a_reset_forgets_what_was_held(tmp_path, peer):

@@ -64,6 +64,14 @@ def test_what_lies_in_the_past_is_left_out(simulation):
     assert refused.value.reason == 'wrong_time'
 
 
+def test_stamps_of_another_clock_are_refused(simulation):
+    """Of the wall, beside simulated time: the joint was held for years, without a word."""
+    with pytest.raises(Refused, match='begins 1.76e.09 s ahead: stamps are of clock') as refused:
+        curves(simulation, message(point(0.5, [1.0]), start=1.76e9))
+    assert refused.value.reason == 'wrong_time'
+    assert curves(simulation, message(point(0.5, [1.0]), start=3600.0))[0]['pin'].end == 3600.5
+
+
 def test_a_newer_one_takes_over_smoothly_where_it_starts(simulation):
     old = command(simulation, message(point(1.0, [1.0], [0.0], [0.0])))
     simulation.step(100)

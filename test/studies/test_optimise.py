@@ -16,6 +16,7 @@ from alf_ros.errors import AlfError, InputError
 from alf_ros.studies.optimisation.design_goal import DesignGoal, design_goal
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
 from alf_ros.studies.optimisation.design_quantity import design_quantity
+from alf_ros.studies.optimisation.designs import Designs
 from alf_ros.studies.optimisation.driven_design import DrivenDesign
 from alf_ros.studies.optimisation.free_design import FreeDesign
 from alf_ros.studies.optimisation.instants import DesignMotion
@@ -179,6 +180,7 @@ def test_steps_to_impossible_designs_are_refused() -> None:
     found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)
     assert not found.settled and 'beyond lie designs that cannot be' in str(found)
     assert 0.15 < found['d'] < 0.1502
+    assert 'it cannot be between its samples: t = 0.8' in str(found)  # nor run there
     assert np.isnan(found.starts[found.best].tried).any()
     assert all(each.end is not None or each.reason for each in found.starts)
 
@@ -250,6 +252,27 @@ def test_steps_that_are_too_long_are_told() -> None:
         )
         (note,) = best.notes or ('',)
         assert ('its run is not resolved: steps of 0.05 s are too long' in note) == told
+
+
+@pytest.mark.parametrize(('period', 'told'), [(None, True), (1e-3, False)])
+def test_too_few_samples_are_told(period: float | None, told: bool) -> None:
+    """A bob on a circle, 24 times around: the period without one has four samples each turn. The
+    largest height is the length of the bar exactly."""
+    scene = whirled_bob()
+    scene['drives']['motor'] = {'joint': 'pin', 'angle': '40*pi*t + 0.3'}
+    best = optimise(scene, {'L': [0.4, 0.7]}, 'max(points.B.y)', duration=1.2, period=period)
+    assert told == any('has too few samples: with samples each 0.0' in n for n in best.notes)
+    assert told == (abs(best.objective_after - best['L']) > 1e-4)
+
+
+@pytest.mark.parametrize(('every', 'denser'), [(1, 1), (2, 1), (9, 3), (10, 5), (7, 1)])
+def test_denser_samples_are_whole_steps(every: int, denser: int) -> None:
+    """Where forces decide. Every step is the densest."""
+    numbers = design_numbers(load_scene(four_bar(driven=False)), {'a': [0.05, 0.15]})
+    goal: Any = None  # no design is computed
+    assert Designs(numbers, goal, (), 1.0, 0.01 * every, False)._denser(0.01) == pytest.approx(
+        0.01 * denser
+    )
 
 
 def test_two_equal_peaks_are_told() -> None:

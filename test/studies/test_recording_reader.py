@@ -132,6 +132,7 @@ def test_targets_of_motors(tmp_path: Path) -> None:
     messages = [
         joints('/joint_states', NOW, ['crank_pin'], position=[0.8], velocity=[0.0]),
         joints('/joint_commands', NOW + 10**7, ['crank_pin'], position=[0.9]),
+        joints('/joint_states', NOW + 2 * 10**7, ['crank_pin'], position=[0.8], velocity=[0.0]),
     ]
     (held,) = read_recording(written(tmp_path / 'bag', messages), of).inputs
     assert (held.kind, held.said) == ('target', {'position': 0.9})
@@ -168,6 +169,77 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
             read_recording(path, scene(), topics)
         assert expected in str(caught.value), path
         assert '\n' not in str(caught.value)
+
+
+def _states(topic: str = '/joint_states', begin: int = NOW, angle: float = 0.7) -> list[Message]:
+    return [
+        joints(topic, begin + k * 10**7, ['crank_pin'], position=[angle + 1e-3 * k])
+        for k in range(40)
+    ]
+
+
+def _effort(stamp: int, topic: str = '/joint_commands', **values: list[float]) -> Message:
+    return joints(topic, stamp, ['crank_pin'], **(values or {'effort': [1.0]}))
+
+
+def test_what_would_be_another_motion_is_refused(tmp_path: Path) -> None:
+    """Two robots, two runs, clocks that differ, inputs that nothing follows: all of them made a
+    fit with other inputs or positions than the machine had, without a word."""
+    state, late = _states(), NOW + 10**8
+    planned, again = _states('/planned/joint_states', angle=0.8), _states(begin=NOW + 3 * 10**6)
+    pushed = [wrench(f'/{arm}/coupler', late, [1, 0, 0]) for arm in ('left', 'right')]
+    twice = joints('/joint_states', late, ['crank_pin', 'crank_pin'], position=[0.7, 0.8])
+    cases: list[tuple[list[Message], str]] = [
+        ([*state, *planned], "is on two topics, got '/joint_states and /planned/joint_states'"),
+        (
+            [*state, _effort(late), _effort(late, '/old/joint_commands')],
+            "commands: 'crank_pin' is",
+        ),
+        ([*state, *pushed], "map: 'coupler' is on two topics, got '/left/coupler and /right/"),
+        ([*state, *again], 'crank_pin: stamps go back: more than one run'),
+        ([*state, _effort(0)], '/joint_commands: an input without a stamp'),
+        ([*state, wrench('/coupler', 0, [1, 0, 0])], '/coupler: an input without a stamp'),
+        ([_states(begin=0)[0]], '/joint_states: measurements without stamps'),
+        ([*_states(begin=10**9), _effort(NOW)], "got '1.76e+09 s behind them'"),
+        ([*state, _effort(10**9)], "got '1.76e+09 s before them'; expected stamps of one clock"),
+        ([*state, _effort(late, position=[0.9])], 'a position that no motor of the scene follows'),
+        (
+            [*state, _effort(late, effort=[np.inf])],
+            '/joint_commands: effort of crank_pin: not fin',
+        ),
+        (
+            [*state, wrench('/coupler', late, [np.nan, 0, 0])],
+            '/coupler: force and torque: not fin',
+        ),
+        ([*state, twice], "a joint that is in one message twice, got 'crank_pin'"),
+    ]
+    for number, (messages, expected) in enumerate(cases):
+        path = written(tmp_path / str(number), messages)
+        with pytest.raises(InputError) as caught:
+            read_recording(path, scene())
+        assert expected in str(caught.value)
+        assert str(path) in str(caught.value) and '\n' not in str(caught.value)
+
+
+def test_messages_out_of_their_order(tmp_path: Path) -> None:
+    """They are sorted, the first ones too; those before the first time of a clock are left out."""
+    state = _states()
+    mixed = [_states(begin=0)[0], *state[3:5], *state[:3], *state[5:], _effort(NOW + 10**8)]
+    (channel,) = read_recording(written(tmp_path / 'bag', mixed), scene()).channels
+    assert np.allclose(channel.t, 0.01 * np.arange(40), rtol=0.0, atol=1e-12)
+    assert np.allclose(channel.values, 0.7 + 1e-3 * np.arange(40), rtol=0.0, atol=1e-12)
+
+
+def test_a_plan_may_begin_at_zero(tmp_path: Path) -> None:
+    plan = written(tmp_path / 'plan', [_effort(0), _effort(10**8, effort=[2.0])])
+    assert [x.t for x in read_recording(plan, scene(), plan=True).inputs] == [0.0, 0.1]
+
+
+def test_a_stamp_that_is_years_away(tmp_path: Path) -> None:
+    """It made a billion windows before the first one was looked at."""
+    far = joints('/joint_states', NOW + 3 * 10**17, ['crank_pin'], position=[0.8])
+    with pytest.raises(InputError, match='too few measurements in a window'):
+        identify(scene(), written(tmp_path / 'bag', [*_states(), far]), FIT, window=0.1)
 
 
 def test_a_joint_that_nothing_was_measured_of(tmp_path: Path) -> None:

@@ -53,7 +53,11 @@ class ActiveInput:
         self.positions: dict[str, float] = {}
         self.rates: dict[str, float] = {}
         self.counts = dict.fromkeys(
-            ('messages', 'unknown_names', 'wrong_lengths', 'not_finite', 'times_back'), 0
+            (
+                *('messages', 'unknown_names', 'repeated_names'),
+                *('wrong_lengths', 'not_finite', 'times_back'),
+            ),
+            0,
         )
         self.trouble = ''
 
@@ -65,8 +69,9 @@ class ActiveInput:
     def take(self, message: JointState) -> bool:
         """Take the values of a message; whether it has a new value of an active joint.
 
-        A message with arrays of different lengths is left out, and so is a value that is not
-        finite; both are counted, and so are messages with names that are no active joint.
+        A message with arrays of different lengths, or with a name twice, is left out, and so is a
+        value that is not finite; all are counted, and so are messages with names that are no
+        active joint.
         """
         self.counts['messages'] += 1
         names, positions, velocities = message.name, message.position, message.velocity
@@ -75,6 +80,10 @@ class ActiveInput:
                 'wrong_lengths',
                 f'{len(names)} names, {len(positions)} positions, {len(velocities)} velocities',
             )
+            return False
+        if len(set(names)) != len(names):  # either value could be the right one
+            twice = next(name for n, name in enumerate(names) if name in names[:n])
+            self._note('repeated_names', f'{twice!r} is in one message twice')
             return False
         new = False
         unknown = [name for name in names if name not in self._names]

@@ -176,17 +176,26 @@ class CommandSubscriber:
                 force = (0.0,) * self._simulation.model.layout.dimension
                 zero = {'name': name, 'force': force, 'torque': 0.0, 'frame': 'world'}
                 self._apply_wrench(zero, cause='timeout')
+            elif kind == 'effort':
+                self._apply_joints({name: {'effort': 0.0}}, cause='timeout')
             else:
-                field = 'effort' if kind == 'effort' else 'velocity'
-                self._apply_joints({name: {field: 0.0}}, cause='timeout')
+                position = self._simulation.state.inputs.targets[name].position
+                if (
+                    position is not None
+                ):  # it stays; an old velocity would hold the joint beside it
+                    self._held[kind, name] = now
+                stopped = {'position': position, 'velocity': 0.0}
+                self._apply_joints({name: stopped}, cause='timeout')
             self.timed_out += 1
-            self._trouble(f'{kind} of {name} not renewed for {self.timeout:g} s: now zero')
+            what = 'velocity' if kind == 'target' else kind
+            self._trouble(f'{what} of {name} not renewed for {self.timeout:g} s: now zero')
 
     def _lasts(self, kind: str, name: str) -> bool:
-        """Whether it needs no renewal: a position, or a trajectory that is under way."""
+        """Whether it needs no renewal: a position at rest, or a trajectory that is under way."""
         inputs = self._simulation.state.inputs
         if kind == 'target':
-            return inputs.targets[name].position is not None
+            target = inputs.targets[name]
+            return target.position is not None and not target.velocity
         effort = inputs.efforts[name] if kind == 'effort' else None
         return isinstance(effort, Curve) and self._simulation.t < effort.end
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 MOST_POINTS = 10_000
+_DAY = 86_400.0  # s: what begins later has stamps of another clock
 
 
 @dataclass(frozen=True)
@@ -33,12 +34,15 @@ class Trajectory:
 
     def curves(self, sample: Sample, ahead: int) -> tuple[dict[str, Curve], dict[str, Curve]]:
         """Positions and efforts over the simulated time, from the sample on; stamps are `ahead`
-        (ns) of it. Raises Refused if all its points lie in the past."""
+        (ns) of it. Raises Refused if all its points lie in the past, or more than a day ahead."""
         begin = (self.start - ahead) * 1e-9 if self.start else sample.t
         times = [begin + t for t in self.times]
         past = sum(t < sample.t for t in times)
         if past == len(times):
             raise Refused('wrong_time', 'joint_trajectory: all its points lie in the past')
+        if begin - sample.t > _DAY:  # it would be held for years, and nothing moves
+            ahead_by = f'{begin - sample.t:.3g} s ahead: stamps are of clock'
+            raise Refused('wrong_time', f'joint_trajectory: it begins {ahead_by}')
         times, first = times[past:], max(begin, sample.t)
         places = dict(zip(sample.model.coordinate_names, sample.joint_positions, strict=True))
         speeds = dict(zip(sample.model.coordinate_names, sample.joint_velocities, strict=True))

@@ -31,6 +31,8 @@ from alf_ros.studies.identification.recording import KINDS, HeldInput, MeasuredC
 _JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped'
 _STRING = 'std_msgs/msg/String'
 _NS = 1e-9  # s
+_DAY = 86_400_000_000_000  # ns: inputs that far before all measurements have another clock
+_LATE = 10  # messages that may overtake one; stamps that go back further are of another run
 _SAID = {  # in an entry of a journal, by its kind
     'wrench': ('force', 'torque', 'frame'),
     'effort': ('effort',),
@@ -65,23 +67,26 @@ def read_recording(
     Raises InputError: for no recording, one without positions of joints of the scene, commands of
     joints that the scene lacks, and names in `renamed` that nothing has.
     """
-    return _Reader(paths.named(path), Simulation(scene), topics or Topics()).recording(plan)
+    return _Reader(paths.named(path), Simulation(scene), topics or Topics(), plan).recording()
 
 
 class _Reader:
-    def __init__(self, path: Path, simulation: Simulation, topics: Topics) -> None:
+    def __init__(self, path: Path, simulation: Simulation, topics: Topics, plan: bool) -> None:
         self._path, self._topics, self._simulation = path, topics, simulation
+        self._plan = plan
         self._files = _parts(path)
         self._joints: dict[tuple[str, str], list[tuple[Integers, Floats]]] = {}
         self._inputs: list[HeldInput] = []  # of a journal, in simulated time
         self._commands: list[tuple[int, tuple[str, str, dict[str, Any]]]] = []  # stamps, ns
         self._seen: set[str] = set()
         self._sources: dict[str, str] = {}  # of each joint, its name in the recording
+        self._topic_of: dict[tuple[str, str], str] = {}  # of a joint or input, by kind and name
+        self._untimed = ''  # a topic of measurements without stamps
         self._unused: dict[str, None] = {}
         self._all: dict[str, str] = {}  # topic -> type
         self._damage = ''
 
-    def recording(self, plan: bool) -> Recording:
+    def recording(self) -> Recording:
         own = self._own_log()
         if own is not None:
             checked_journal(own)
@@ -100,17 +105,40 @@ class _Reader:
             for key, pieces in self._joints.items()
             if any(np.isfinite(values).any() for _, values in pieces)
         }
-        self._check(plan)
-        begins = [int(pieces[0][0][0]) for pieces in self._joints.values()]
+        self._check()
+        begins = [int(told.min()) for pieces in self._joints.values() for told, _ in pieces]
         begins = begins or [stamp for stamp, _ in self._commands]
         origin = min(begins) if own is None else own.ahead
         channels = tuple(
-            _channel(joint, kind, pieces, origin) for (joint, kind), pieces in self._joints.items()
+            self._channel(joint, kind, pieces, origin)
+            for (joint, kind), pieces in self._joints.items()
         )
         given = [HeldInput((t - origin) * _NS, *what) for t, what in self._commands]
         inputs = sorted([*given, *self._inputs], key=lambda each: each.t)
         unused = tuple(self._unused)
         return Recording(str(self._path), channels, tuple(inputs), unused, self._damage)
+
+    def _channel(
+        self, joint: str, kind: str, pieces: list[tuple[Integers, Floats]], origin: int
+    ) -> MeasuredChannel:
+        stamps = np.concatenate([each for each, _ in pieces])
+        t = np.where(stamps == 1, 0, stamps - origin) * _NS  # 1 ns stands for no time
+        values = np.concatenate([each for _, each in pieces])
+        known = np.isfinite(values)
+        t, values = t[known], values[known]
+        order = np.argsort(t, kind='stable')
+        back = np.abs(order - np.arange(order.size)) > _LATE
+        if back.any():  # else the motions of two runs would be mixed
+            raise InputError(
+                'stamps go back: more than one run, as behind a reset',
+                file=str(self._path),
+                key=joint,
+                value=f'{t[back.argmax()]:.6g} s',
+                expected='a recording for each run',
+            )
+        t, values = t[order], values[order]
+        new = np.diff(t, prepend=-np.inf) > 0.0  # a stamp that is there twice counts once
+        return MeasuredChannel(joint, kind, t[new], values[new])
 
     # ---------------------------------------------------------------------------------- reading
 
@@ -157,7 +185,11 @@ class _Reader:
     def _measured(self, series: Series) -> None:
         if _is(series.topic, self._topics.commands):
             self._commanded(series)
+        self._each_once(series)
         known = self._simulation.model.coordinate_names
+        timed = series.told != 0
+        if not timed.all():
+            self._untimed = series.topic
         for k, recorded in enumerate(series.names):
             name = self._renamed(recorded)
             if name not in known:
@@ -173,17 +205,51 @@ class _Reader:
                     key='map',
                     value=name,
                 )
+            self._alone('joint', name, series.topic, 'joints')
             for kind in KINDS:
-                if kind in series.columns:
-                    values = series.columns[kind][:, k]
-                    self._joints.setdefault((name, kind), []).append((series.told, values))
+                if kind in series.columns and timed.any():
+                    piece = series.told[timed], series.columns[kind][timed, k]
+                    self._joints.setdefault((name, kind), []).append(piece)
 
     def _renamed(self, recorded: str) -> str:
         if recorded in self._topics.renamed:
             self._seen.add(recorded)
         return self._topics.name(recorded)
 
+    def _each_once(self, series: Series) -> None:
+        for k, name in enumerate(series.names):
+            if name in series.names[:k]:
+                raise InputError(
+                    'a joint that is in one message twice',
+                    file=str(self._path),
+                    key=series.topic,
+                    value=name,
+                )
+
+    def _alone(self, kind: str, name: str, topic: str, key: str) -> None:
+        """Refuse a second topic of a joint or input: as of another robot, or of a planner."""
+        other = self._topic_of.setdefault((kind, name), topic)
+        if other != topic:
+            raise InputError(
+                f'{name!r} is on two topics',
+                file=str(self._path),
+                key=key,
+                value=f'{other} and {topic}',
+                expected='one of them' + ('' if key == 'map' else ', in full'),
+            )
+
+    def _stamped(self, topic: str, stamp: int) -> int:
+        if stamp == 0 and not self._plan:  # a plan may begin at zero
+            raise InputError(
+                'an input without a stamp: nothing tells when it acted',
+                file=str(self._path),
+                key=topic,
+                expected='times in the headers, of the clock of the measurements',
+            )
+        return stamp
+
     def _commanded(self, series: Series) -> None:
+        self._each_once(series)
         joints = self._simulation.model.coordinate_names
         known = controlled(self._simulation.model, self._simulation.scene.effects)
         for k, recorded in enumerate(series.names):
@@ -192,19 +258,42 @@ class _Reader:
                 continue
             if name not in known:
                 self._refuse('an effort on a joint that the scene lacks', recorded, name, known)
+            self._alone('input', name, series.topic, 'commands')
             controls = dict(zip(KINDS, known[name], strict=True), effort=name in joints)
             if _is(series.topic, self._topics.joints):
                 controls = dict.fromkeys(KINDS, False)  # measured there, not commanded
+            else:
+                self._refuse_unfollowed(series, k, name, controls)
             given = {
                 key: series.columns[key][:, k]
                 for key in ('effort', *KINDS)
                 if key in series.columns and controls.get(key, True)
             }
             for n, stamp in enumerate(series.told.tolist()):
-                self._command(stamp, name, {key: float(x[n]) for key, x in given.items()})
+                said = {key: float(x[n]) for key, x in given.items() if not math.isnan(x[n])}
+                if said:
+                    self._command(self._stamped(series.topic, stamp), series.topic, name, said)
 
-    def _command(self, stamp: int, name: str, given: dict[str, float]) -> None:
-        said = {key: x for key, x in given.items() if not math.isnan(x)}
+    def _refuse_unfollowed(
+        self, series: Series, k: int, name: str, controls: Mapping[str, bool]
+    ) -> None:
+        """Refuse targets that nothing follows, except beside an effort, as in a joint state."""
+        efforts = series.columns.get('effort')
+        free = np.isnan(efforts[:, k]) if efforts is not None else np.ones(len(series), bool)
+        for kind in KINDS:
+            if kind in series.columns and not controls[kind]:
+                if np.isfinite(series.columns[kind][free, k]).any():
+                    raise InputError(
+                        f'a {kind} that no motor of the scene follows',
+                        file=str(self._path),
+                        key=series.topic,
+                        value=name,
+                        expected=f'a motor with {kind}_gain',
+                    )
+
+    def _command(self, stamp: int, topic: str, name: str, said: dict[str, float]) -> None:
+        for key, value in said.items():
+            self._finite(topic, f'{key} of {name}', [value])
         if 'effort' in said:
             effort = {'effort': said.pop('effort')}
             self._commands.append((stamp, ('effort', name, effort)))
@@ -221,9 +310,10 @@ class _Reader:
         names = [*model.body_names, *model.point_names]
         if name not in names:
             self._refuse('a wrench on what the scene lacks', series.topic, name, names)
+        self._alone('wrench', name, series.topic, 'map')
         for message in series.messages:
             at = message['header']['stamp']
-            stamp = at['sec'] * 1_000_000_000 + at['nanosec']
+            stamp = self._stamped(series.topic, at['sec'] * 1_000_000_000 + at['nanosec'])
             self._commands.append((stamp, ('wrench', name, self._wrench(series, name, message))))
 
     def _wrench(self, series: Series, name: str, message: dict[str, Any]) -> dict[str, Any]:
@@ -239,12 +329,22 @@ class _Reader:
                 value=frame,
                 expected=f"'world' or {name!r}",
             )
+        self._finite(series.topic, 'force and torque', [*force, *torque])
         planar = self._simulation.model.layout.dimension == 2
         return {
             'force': force[:2] if planar else force,
             'torque': torque[2] if planar else torque,
             'frame': 'body' if frame == name else 'world',
         }
+
+    def _finite(self, topic: str, what: str, values: list[float]) -> None:
+        if not all(map(math.isfinite, values)):
+            raise InputError(
+                f'{what}: not finite',
+                file=str(self._path),
+                key=topic,
+                value=values if len(values) > 1 else values[0],
+            )
 
     def _from_journal(self, series: Series) -> None:
         for entry in journal.entries(series):
@@ -275,7 +375,8 @@ class _Reader:
 
     # ----------------------------------------------------------------------------------- checks
 
-    def _check(self, plan: bool) -> None:
+    def _check(self) -> None:
+        plan = self._plan
         for name in self._topics.renamed:
             if name not in self._seen and not plan:
                 names = [*self._unused, *(joint for joint, _ in self._joints)]
@@ -289,6 +390,13 @@ class _Reader:
         enough = plan and (self._commands or self._inputs)
         if not enough and not any(kind == 'position' for _, kind in self._joints):
             topics = [topic for topic, kind in self._all.items() if kind == _JOINTS]
+            if self._untimed:
+                raise InputError(
+                    'measurements without stamps',
+                    file=str(self._path),
+                    key=self._untimed,
+                    expected='times in the headers',
+                )
             if self._unused:
                 raise InputError(
                     'no recorded joint is one of the scene',
@@ -304,6 +412,26 @@ class _Reader:
                 choices=topics or sorted(self._all),
             )
 
+        if not plan:
+            self._check_clocks()
+
+    def _check_clocks(self) -> None:
+        """Refuse inputs of which none can have acted while anything was measured."""
+        measured = [told for pieces in self._joints.values() for told, _ in pieces]
+        given = [stamp for stamp, _ in self._commands]
+        if not measured or not given:
+            return
+        begin, end = min(int(x.min()) for x in measured), max(int(x.max()) for x in measured)
+        late, early = min(given) - end, begin - max(given)
+        if late > 0 or early > _DAY:
+            beside = f'{late * _NS:g} s behind' if late > 0 else f'{early * _NS:g} s before'
+            raise InputError(
+                'all inputs are at other times than the measurements',
+                file=str(self._path),
+                value=f'{beside} them',
+                expected='stamps of one clock',
+            )
+
     def _refuse(self, why: str, recorded: str, name: str, known: Any) -> None:
         raise InputError(
             f'{why} ({recorded!r} in the recording)' if name != recorded else why,
@@ -312,19 +440,6 @@ class _Reader:
             value=name,
             choices=known,
         )
-
-
-def _channel(
-    joint: str, kind: str, pieces: list[tuple[Integers, Floats]], origin: int
-) -> MeasuredChannel:
-    stamps = np.concatenate([each for each, _ in pieces])
-    t = np.where(stamps == 1, 0, stamps - origin) * _NS  # 1 ns stands for no time
-    values = np.concatenate([each for _, each in pieces])
-    known = np.isfinite(values)
-    order = np.argsort(t[known], kind='stable')
-    t, values = t[known][order], values[known][order]
-    new = np.diff(t, prepend=-np.inf) > 0.0  # a stamp that is there twice counts once
-    return MeasuredChannel(joint, kind, t[new], values[new])
 
 
 def _is(topic: str, name: str) -> bool:

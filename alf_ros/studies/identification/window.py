@@ -103,10 +103,10 @@ def _cut(
 ) -> list[Window]:
     begin, end = math.ceil(recording.begin / h - 1e-6), math.floor(recording.end / h + 1e-6)
     count = max(1, round((end - begin) * h / length))
-    edges = [begin + round(k * (end - begin) / count) for k in range(count + 1)]
     found = []
-    for first, last in zip(edges, edges[1:], strict=False):
-        measured = _measured(channels, first * h, last * h, margin, last == edges[-1])
+    for k in range(count):  # a stamp that is years away makes many: the first empty one ends it
+        first, last = (begin + round(n * (end - begin) / count) for n in (k, k + 1))
+        measured = _measured(channels, first * h, last * h, margin, k == count - 1)
         if not measured:
             raise InputError(
                 f'too few measurements in a window, from t = {first * h:.6g} s on',

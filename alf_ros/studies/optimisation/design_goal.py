@@ -109,6 +109,16 @@ class DesignGoal:
         assert self.quantity is not None
         return self._folded(motion, self.quantity.values(motion.samples)).value
 
+    def size(self, motion: DesignMotion) -> float:
+        """A size, in its unit, with which errors of the number compare. Raises AlfError."""
+        span = float(motion.t[-1] - motion.t[0])
+        if self.quantity is None:
+            return motion.simulation.model.size
+        if self.kind == 'crossing':
+            return span
+        largest = float(np.abs(self.quantity.values(motion.samples)).max())
+        return largest * span if self.kind == 'integral' else largest
+
     def _folded(self, motion: DesignMotion, y: Floats) -> Folded:
         t, kinks = motion.t, motion.kinks
         if self.kind == 'at':

@@ -18,6 +18,7 @@ from alf_ros.studies.optimisation.instants import DesignMotion
 
 _DRAWN = 241  # places of a path that is drawn
 _KEPT = 8  # designs that are known at a time
+_RESOLVED = 1e-3  # of its size: a number that denser samples change by more has too few
 Told = Callable[[int, float], None]  # designs so far, value of the last one
 
 
@@ -93,7 +94,35 @@ class Designs:
             for goal in goals
             if goal.has_equal_peaks(motion)
         ]
+        found += self._unresolved(values, motion)
         return found + ([f'its run is not resolved: {motion.trouble}'] if motion.trouble else [])
+
+    def _unresolved(self, values: Floats, motion: DesignMotion) -> list[str]:
+        """The goals that denser samples change: their peaks and places lie between samples."""
+        period = self._denser(motion.simulation.h)
+        if period >= self._period:
+            return []
+        goals, found = (self.objective, *(limit.goal for limit in self.limits)), []
+        try:
+            denser = self._motion(values, period)
+            each = [(goal.value(denser), goal.size(denser)) for goal in goals]
+        except StoppedError:
+            raise
+        except AlfError as error:
+            return [f'it cannot be between its samples: {error}']
+        for goal, (there, size) in zip(goals, each, strict=True):
+            if abs(goal.value(motion) - there) > _RESOLVED * size:
+                told = f'with samples each {period:.3g} s it is {there:.6g} {goal.unit}'.rstrip()
+                found.append(f'{goal.text} has too few samples: {told}; take a shorter period')
+        return found
+
+    def _denser(self, h: float) -> float:
+        """A shorter period: half of it or a bit less, so that a motion of the same period does not
+        look at rest to both; or of whole steps of h (s) where forces decide, if there is one."""
+        if self._driven:
+            return self._duration / (2 * round(self._duration / self._period) + 1)
+        every = round(self._period / h)
+        return h * max((k for k in range(1, every // 2 + 1) if every % k == 0), default=every)
 
     def curves(self, values: Floats) -> list[DesignCurve]:
         """Of the objective and of each limited number. Raises AlfError."""
@@ -126,6 +155,6 @@ class Designs:
             self.told(len(self.tried), objective.value)
         return Design(values, objective, tuple(limited))
 
-    def _motion(self, values: Floats) -> DesignMotion:
-        where = self.numbers, values, self._duration, self._period
+    def _motion(self, values: Floats, period: float | None = None) -> DesignMotion:
+        where = self.numbers, values, self._duration, period or self._period
         return DrivenDesign(*where) if self._driven else FreeDesign(*where, self._before)
