@@ -23,7 +23,7 @@ class State:
     blocks D): the derivatives of q and q̇ by each of K numbers of the scene, if they are followed;
     sums (m): of angles and lengths, which gears, racks, threads, wheels on a line and couplings
     keep constant; empty: what they are at q; h (s): the length of the steps that `step` counts; 0:
-    that of the run which takes the state; NaN: the state lies between two steps.
+    any run takes it as its own; NaN: the state lies between two steps.
     """
 
     step: int
