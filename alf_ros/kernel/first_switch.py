@@ -1,4 +1,4 @@
-"""Steps in which the function of time of a drive takes another branch of abs, min or max."""
+"""Steps in which the function of time of a drive takes another branch at a corner."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from alf_ros.kernel.data.drive_switches import DriveSwitches
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.prescribed import prescribe
 
+RATE = -2  # instead of an instruction: the rate of the first one is compared with zero
+
 
 @compiled
 def branches_at(system: System, switches: DriveSwitches, t: float, out: Integers) -> None:
@@ -20,7 +22,7 @@ def branches_at(system: System, switches: DriveSwitches, t: float, out: Integers
     for n in range(out.size):
         a, b = switches.compared[2 * n], switches.compared[2 * n + 1]
         least = registers[3 * b] if b >= 0 else 0.0
-        out[n] = 1 if registers[3 * a] >= least else 0
+        out[n] = 1 if registers[3 * a + (b == RATE)] >= least else 0
 
 
 @compiled

@@ -15,6 +15,7 @@ import numpy as np
 from numba import types
 
 from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.first_switch import RATE
 from alf_ros.kernel.numba_ext.jit import by_address
 from alf_ros.mechanism.time_function import OPERATIONS, Signal
 from alf_ros.splines import cubic_spline
@@ -184,16 +185,30 @@ def moves_kink(slots: Integers, changes: Floats) -> bool:
     return False
 
 
-def switches(slots: Integers) -> Integers:
-    """(2 k,) of each abs, min or max that depends on time: the instructions that it compares, -1
-    for zero. One branch is for a first number that is not less than the second one."""
+def switches(slots: Integers, params: Floats) -> Integers:
+    """(2 k,) of each operation on t that may have a corner: the instructions that it compares, -1
+    for zero. One branch is for a first number that is not less than the second one.
+
+    Of abs, min and max these are arguments. sqrt, asin, hypot and broken powers have a corner
+    where their argument touches the end of its range, as of sqrt(x²): there their own rate changes
+    its sign, which is compared with zero (`RATE`).
+    """
     depends: list[bool] = []
     found: list[int] = []
-    for code, first, last in slots[2 : 2 + 3 * int(slots[0])].reshape(-1, 3).tolist():
+    instructions = slots[2 : 2 + 3 * int(slots[0])].reshape(-1, 3).tolist()
+
+    def is_broken(code: int, _: int, at: int) -> bool:
+        return code == _NUMBER and params[at] % 1.0 != 0.0
+
+    for n, (code, first, last) in enumerate(instructions):
         of_two = code >= _ADD and depends[last]
         depends.append(code == _TIME or (code != _NUMBER and (depends[first] or of_two)))
-        if depends[-1] and code in (_ABS, _MIN, _MAX):
+        if not depends[-1]:
+            continue
+        if code in (_ABS, _MIN, _MAX):
             found += [last, first] if code == _MIN else [first, -1 if code == _ABS else last]
+        elif code in (_SQRT, _ASIN, _HYPOT) or (code == _POW and is_broken(*instructions[last])):
+            found += [n, RATE]
     return np.array(found, dtype=np.int64)
 
 

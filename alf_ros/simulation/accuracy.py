@@ -16,6 +16,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import StepError
+from alf_ros.kernel import Status
 from alf_ros.model.compile import Model
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.state import State
@@ -106,8 +107,12 @@ class _Trials:
         self._instants = max(1, math.floor(whole / self._spacing + 1e-6))
 
     def budget(self) -> Budget:
-        fine = min(max(1e-4 * self._accuracy / self._size, FINEST), LOOSEST / DECADE**2)
+        most = LOOSEST / DECADE**2
+        fine = min(max(1e-4 * self._accuracy / self._size, FINEST), most)
         self._best = self._path(self._adaptive(fine, coarse=True))
+        while self._starved and 10.0 * fine <= most:  # by a force that jumps
+            fine *= 10.0
+            self._best = self._path(self._adaptive(fine, coarse=True))
         check = self._path(self._adaptive(10.0 * fine, coarse=True))
         self._instants = len(self._best)  # as far as it came
         self._own = self._distance(check)
@@ -197,12 +202,13 @@ class _Trials:
         """(instants, places, D): where the blocks are at each instant, as far as it comes."""
         steps = round(self._spacing / simulation.h)
         places: list[Floats] = []
+        self._starved = False  # whether it ended because no step was small enough
         try:
             while len(places) < self._instants and simulation.evaluations <= self._most:
                 simulation.step(steps)
                 places.append(simulation.state.q.reshape(-1, self._dimension))
-        except StepError:
-            pass
+        except StepError as error:
+            self._starved = error.reason == Status.COLLAPSED.reason
         return np.array(places)
 
     def _distance(self, path: Floats) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from alf_ros.arrays import Floats
@@ -42,7 +43,7 @@ class Between:
             status = stepper.aside(aside, start, t - start)
             if status != Status.OK:
                 raise stepper.error(status, present)
-            state = replace(aside.state(), step=state.step)
+            state = replace(aside.state(), step=state.step, h=math.nan)
             beside = stepper.beside_aside()
             self._last = here, t, state, beside, aside.phase.within
         return state, beside

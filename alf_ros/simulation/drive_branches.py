@@ -1,4 +1,4 @@
-"""Which branches abs, min and max take in the functions of time of the drives of a model."""
+"""Which branches the functions of time of the drives of a model take at their corners."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class DriveBranches:
     @classmethod
     def of(cls, model: Model) -> DriveBranches | None:
         """Of a model; None if no drive has branches."""
-        slots = model.system.prescribed.slots
-        if not slots.size:
+        given = model.system.prescribed
+        if not given.slots.size:
             return None
         from alf_ros.model import time_program
 
-        switches = time_program.switches(slots)
+        switches = time_program.switches(given.slots, given.params)
         return cls(model, switches) if switches.size else None
 
     def begin(self, t: float) -> None:

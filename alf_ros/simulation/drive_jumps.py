@@ -1,8 +1,9 @@
 """Instants at which the rate of a drive jumps, which would take infinite forces.
 
-abs, min and max give motions with corners. Where the acceleration alone jumps there, the run
-continues. Where the rate jumps and something moves freely, the velocities of all bodies would jump
-with it. No step computes this: the run ends before, and says so.
+abs, min and max, roots that touch zero, and the like give motions with corners. Where the
+acceleration alone jumps there, the run continues. Where the rate jumps and something moves freely,
+the velocities of all bodies would jump with it. No step computes this: the run ends before, and
+says so.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model
 from alf_ros.simulation.drive_branches import DriveBranches
 
-_JUMP = 1e-6  # of the rates on both sides
+_JUMP = 1e-6  # of the rates of the step
+_ASIDE = 1e-4  # of a step: so far from a corner roundings of its rates have faded
+_WIDE = 50.0
 _SAME = 1e-9  # rank, of a whole number
 
 
@@ -61,10 +64,23 @@ class DriveJumps:
 
     def _between(self, low: float, high: float) -> DriveJump | None:
         """The first jump between two times."""
+        rates, aside = self._branches.rates, _ASIDE * (high - low)
+        least = _JUMP * np.maximum(np.abs(rates(low)), np.abs(rates(high)))
+
+        def difference(last: float, end: float, away: float) -> Floats:
+            """Of the rates on both sides, from where roundings have faded."""
+            before = 2.0 * rates(max(last - away, low)) - rates(max(last - 2.0 * away, low))
+            return np.abs(2.0 * rates(end + away) - rates(end + 2.0 * away) - before)
+
         for last, end in self._branches.between(low, high):
-            before, after = self._branches.rates(last), self._branches.rates(end)
-            by, most = np.abs(after - before), np.maximum(np.abs(after), np.abs(before))
-            if (by > _JUMP * most).any():
+            near = np.abs(rates(end) - rates(last))
+            if (near <= least).all():
+                continue
+            by = difference(last, end, aside)
+            # a rate as √t differs less and less towards the corner; there roots have none
+            fades = by < 0.5 * difference(last, end, _WIDE * aside)
+            fades = np.where(np.isfinite(near), near < 0.1 * by, fades)
+            if ((by > least) & ~fades).any():
                 return self._named(end, by)
         return None
 

@@ -97,8 +97,9 @@ def samples_of(duration: float, period: float) -> int:
     return math.floor(duration / period + CLOSE)
 
 
-def times(given: Any, now: float, h: float) -> tuple[float, ...]:
-    """Instants (s) that ascend from now on, for steps of h (s). Raises InputError."""
+def times(given: Any, now: float, h: float, last: int) -> tuple[float, ...]:
+    """Instants (s) that ascend from now on, for steps of h (s), up to within the step behind the
+    `last` one. Raises InputError."""
     listed, before = numbers(given, 'at', largest=MOST_STEPS * h), now - CLOSE * h
     for t in listed:
         if t < before:
@@ -106,6 +107,10 @@ def times(given: Any, now: float, h: float) -> tuple[float, ...]:
                 'lies in the past', key='at', value=t, expected='times that ascend from now on'
             )
         before = t
+    if listed and math.floor(listed[-1] / h + CLOSE) > last:
+        raise InputError(
+            'lies behind the end', key='at', value=listed[-1], expected=f'up to {last * h:.9g} s'
+        )
     return listed
 
 
@@ -185,6 +190,9 @@ def checked_state(
         raise InputError('not a state', key='state', value=state, expected='State')
     whole(state.step, 'state.step', 0)
     number(state.pace, 'state.pace', 0.0)
+    if isinstance(state.h, float) and math.isnan(state.h):
+        raise InputError('lies between two steps', key='state', expected='one of a whole step')
+    number(state.h, 'state.h', 0.0)
     for name in ('q', 'qd', 'turns', 'carried'):
         _checked_array(getattr(state, name), getattr(like, name), f'state.{name}')
     if like.tangents.size:

@@ -23,7 +23,8 @@ class Present:
     `phase` and `carried` (the variables of a formulation other than alf2) are written by the
     steps, with the number of steps. Every other change of the run makes another `Present`, so that
     one assignment changes all of it: an exception, even from a signal, comes before or after.
-    `since`: the step at which the run was set to a state, before the first it has made.
+    `since`: the step at which the run was set to a state, before the first it has made. `h`: the
+    length of a step, s.
     """
 
     phase: Phase
@@ -31,6 +32,7 @@ class Present:
     applied: Applied
     accounts: tuple[str, ...]
     since: int
+    h: float
 
     @classmethod
     def at(
@@ -44,7 +46,7 @@ class Present:
         phase = _phase(state, accounts, applied.load_count, within)
         # a state may come from a log, which holds what moves freely
         prescribe(model.system, state.step * h, phase.q, phase.qd, np.zeros_like(phase.q))
-        return cls(phase, state.carried.copy(), applied, accounts, state.step)
+        return cls(phase, state.carried.copy(), applied, accounts, state.step, h)
 
     def aside(self, state: State, within: Floats) -> Present:
         """Another one, at a state between two steps; `within` as in its phase."""
@@ -71,6 +73,7 @@ class Present:
             of.loads.copy(),
             of.tangents.copy(),
             of.sums.copy(),
+            self.h,
         )
 
 

@@ -31,6 +31,7 @@ def as_data(state: State) -> dict[str, Any]:
     """The state as lists, numbers and text: JSON writes it so that it reads back exactly."""
     fields = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
     inputs = fields.pop('inputs')
+    fields.pop('h')  # files and logs have it among their settings
     data = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in fields.items()}
     wrenches = {name: _as_lists(wrench) for name, wrench in inputs.wrenches.items()}
     held = {

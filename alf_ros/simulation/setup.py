@@ -120,14 +120,5 @@ def changed(
 
 
 def on_grid(state: State, h: float, new: float) -> State:
-    """A state reached with steps of `h` (s), for steps of `new`: time is counted in steps."""
-    if h == new:
-        return state
-    steps = state.step * h / new
-    if abs(steps - round(steps)) > 1e-6:
-        raise InputError(
-            f't = {state.step * h:.9g} s is not a whole number of such steps: reset first',
-            key='solver.step',
-            value=new,
-        )
-    return dataclasses.replace(state, step=round(steps), pace=new)
+    """A state reached with steps of `h` (s), for steps of `new`. Raises InputError."""
+    return dataclasses.replace(state, h=h).counted(new)

@@ -244,7 +244,7 @@ class SideBySide:
         last = index + check.steps_of(duration, h, index)
         found: list[list[Sample]] = [[] for _ in self.simulations]
         failed: dict[int, AlfError] = {}
-        for t in check.times(at, first.t, h):
+        for t in check.times(at, first.t, h, last):
             ahead = math.floor(t / h + check.CLOSE) - index
             if ahead > 0:
                 failed |= self.step(ahead, failed)
@@ -274,7 +274,7 @@ def no_place(simulation: Simulation) -> str:
     if simulation.ledger or stepper.applied.load_count:
         return 'works, and friction that depends on reactions, have no lanes'
     if stepper.may_jump:
-        return 'drives with abs, min or max have no lanes'
+        return 'drives with corners have no lanes'
     kinks = simulation._applied.assembled.kinks
     if is_adaptive(simulation) and kinks.instants.size:
         return 'adaptive steps that end at kinks over time have no lanes'

@@ -381,16 +381,17 @@ class Simulation:
     ) -> Iterator[Sample]:
         """Advance by `duration` (s), yielding a Sample now and after every `every` steps.
 
-        Or at the times `at` (s from the start of the scene, ascending). An instant between two
-        steps is computed separately, so that the motion does not depend on the requested instants.
-        This costs a step per instant, and with an adaptive method at most the steps of the motion
-        again. After an early end of the run the simulation continues from the last whole step.
+        Or at the times `at` (s from the start of the scene, ascending, within the duration). An
+        instant between two steps is computed separately, so that the motion does not depend on the
+        requested instants. This costs a step per instant, and with an adaptive method at most the
+        steps of the motion again. After an early end of the run the simulation continues from the
+        last whole step.
         """
         last = self.step_index + check.steps_of(duration, self.h, self.step_index)
         every = check.whole(every, 'every', 1)
         if at is None:
             return self._run_every(every, last)
-        return self._run_at(check.times(at, self.t, self.h), last)
+        return self._run_at(check.times(at, self.t, self.h, last), last)
 
     def _run_every(self, every: int, last: int) -> Iterator[Sample]:
         yield self.sample()
@@ -506,13 +507,14 @@ class Simulation:
     def restore(self, state: State) -> None:
         """Continue from a state of this scene. The run repeats bit for bit.
 
+        A state reached with steps of another length continues at its time.
         Works that the state does not know begin at zero, loads with the balance that is reached as
         friction grows from zero. Raises InputError, and changes nothing, for a state of another
-        scene.
+        scene, or one whose time is not a whole number of steps.
         """
         model, effects = self.model, self.scene.effects
-        check.checked_state(model, effects, state, self._initial, self.accounts)
-        self._enter(state, self._applied)
+        state = check.checked_state(model, effects, state, self._initial, self.accounts)
+        self._enter(state.counted(self.h), self._applied)
 
     def _enter(self, state: State, applied: Applied) -> None:
         """Continue from a usable state; uses the packed parts of `applied`."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import InputError
 from alf_ros.simulation.applied import Inputs
 
 
@@ -21,7 +22,8 @@ class State:
     friction depends, then the sense of their balance, 1 or -1; zero if unknown; tangents (K 2
     blocks D): the derivatives of q and q̇ by each of K numbers of the scene, if they are followed;
     sums (m): of angles and lengths, which gears, racks, threads, wheels on a line and couplings
-    keep constant; empty: what they are at q.
+    keep constant; empty: what they are at q; h (s): the length of the steps that `step` counts; 0:
+    any run takes it as its own; NaN: the state lies between two steps.
     """
 
     step: int
@@ -35,7 +37,22 @@ class State:
     loads: Floats = field(default_factory=lambda: np.zeros(0))
     tangents: Floats = field(default_factory=lambda: np.zeros(0))
     sums: Floats = field(default_factory=lambda: np.zeros(0))
+    h: float = 0.0
 
     def moved(self, q: Floats, qd: Floats, turns: Integers) -> State:
         """The same at another place (blocks D, m, m/s), where gears and the like now mesh."""
         return replace(self, q=q, qd=qd, turns=turns, sums=np.zeros(0))
+
+    def counted(self, h: float) -> State:
+        """The same instant for steps of h (s): time is counted in steps. Raises InputError if it
+        is not a whole number of them."""
+        if self.h in (0.0, h):
+            return replace(self, h=h)
+        steps = self.step * self.h / h
+        if abs(steps - round(steps)) > 1e-6:
+            raise InputError(
+                f't = {self.step * self.h:.9g} s is not a whole number of such steps: reset first',
+                key='solver.step',
+                value=h,
+            )
+        return replace(self, step=round(steps), pace=h, h=h)

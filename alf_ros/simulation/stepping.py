@@ -131,6 +131,7 @@ class Stepper:
             dict.fromkeys(accounts, 0.0),
             np.zeros(self.applied.load_count),
             self._following.initial if self._following else np.zeros(0),
+            h=self.h,
         )
 
     def first_pace(self, qd: Floats) -> float:

@@ -92,6 +92,21 @@ def test_it_says_when_it_cannot_be_met() -> None:
     assert farthest(simulation, MOTIONS[0]) < budget.estimate
 
 
+def test_a_force_that_jumps_does_not_end_what_is_compared() -> None:
+    """A mass swings through the place where its spring has no direction: no step across it is
+    small enough for the tolerance of the first comparison."""
+    spring = '{between: [O, P], stiffness: 50, free_length: 0.4}'
+    scene = scene_from_text(f'{MASS}\neffects: {{spring: {spring}}}\n')
+    simulation = Simulation(scene, accuracy=1e-6, step=0.01)
+    budget = simulation.accuracy
+    assert budget is not None and budget.met and budget.horizon == pytest.approx(10.0)
+    quarter = math.acos(-0.4 / 0.6) / 5.0  # s from x = 1 to 0, at a rate of 5/s
+    for sample in simulation.run(3.0, every=50):
+        turn, since = divmod(sample.t + quarter, 2.0 * quarter)
+        x = (-1.0) ** turn * (0.4 + 0.6 * math.cos(5.0 * (since - quarter)))
+        assert sample.points['P'][0] == pytest.approx(x, abs=1e-6)
+
+
 def test_nothing_that_runs_is_nothing_that_is_met() -> None:
     """A start from which no step can be made: infinite, for no time at all."""
     scene = load_scene(

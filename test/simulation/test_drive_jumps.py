@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,11 +31,11 @@ def cart(motion: str, **more: Any) -> Scene:
     )
 
 
-def angle(acceleration: float, begins: float, ends: float) -> float:
+def angle(acceleration: Callable[[float], float], begins: float, ends: float) -> float:
     """Of the rod, rad, on a pivot that accelerates (m/s²) from an instant on: at rest before."""
 
-    def rates(_: float, y: Floats) -> Floats:
-        return np.array([y[1], 1.5 * np.sin(y[0]) * acceleration])
+    def rates(t: float, y: Floats) -> Floats:
+        return np.array([y[1], 1.5 * np.sin(y[0]) * acceleration(t)])
 
     first = [np.arctan2(-0.6, 0.8), 0.0]
     found = solve_ivp(rates, (begins, ends), first, rtol=1e-12, atol=1e-13, method='DOP853')
@@ -55,13 +57,55 @@ def test_a_rate_that_jumps(t: float, motion: str, integrator: str) -> None:
         simulation.step()
 
 
+@pytest.mark.parametrize(
+    'motion',
+    [
+        'sqrt((t - {t})**2)',
+        '((t - {t})**2)**0.5',
+        'hypot(t - {t}, 0)',
+        'acos(cos(t - {t}))',
+        'asin(sin(t - {t} + pi/2)) - pi/2',
+        'sqrt(1 - cos(t - {t}))*sqrt(2)',
+    ],
+)
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_corners_without_a_name(motion: str, integrator: str) -> None:
+    """All are |t - 0.10037| beside that instant, where their rates are rounding."""
+    simulation = Simulation(cart(motion.format(t=0.10037)), integrator=integrator)
+    with pytest.raises(StepError, match='the rate of cart jumps by') as told:
+        simulation.step(300)
+    assert told.value.t == 0.1
+    numbers = re.findall(r'jumps by (\S+) at t = (\S+) s', str(told.value))
+    assert np.array(numbers[0], float) == pytest.approx([2.0, 0.10037], abs=0.01)
+
+
+def test_roundings_at_a_corner_are_no_jump() -> None:
+    """The rate begins at 1e-17 behind it."""
+    simulation = Simulation(cart('5*max(sin(t) - sin(0.1), 0)**2'))
+    simulation.step(300)
+
+    def acceleration(t: float) -> float:
+        return float(10.0 * (np.cos(t) ** 2 - (np.sin(t) - np.sin(0.1)) * np.sin(t)))
+
+    at = simulation.sample().points
+    off = at['A'] - at['P']
+    assert np.arctan2(off[1], off[0]) == pytest.approx(angle(acceleration, 0.1, 0.3), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    'motion', ['hypot(sin(9*t), 0.5)', 'acos(0.9*cos(9*t))', '5*((t - 0.10037)**2)**1.5']
+)
+def test_rates_that_go_through_zero_are_no_jumps(motion: str) -> None:
+    Simulation(cart(motion)).step(400)
+
+
 @pytest.mark.parametrize('t', [0.1, 0.10037])
 def test_an_acceleration_that_jumps(t: float) -> None:
     simulation = Simulation(cart(f'5*max(t - {t}, 0)**2'))
     simulation.step(300)
     at = simulation.sample().points
     off = at['A'] - at['P']
-    assert np.arctan2(off[1], off[0]) == pytest.approx(angle(10.0, t, 0.3), abs=1e-7)
+    assert np.arctan2(off[1], off[0]) == pytest.approx(angle(lambda _: 10.0, t, 0.3), abs=1e-7)
 
 
 def test_several_corners_in_one_step() -> None:

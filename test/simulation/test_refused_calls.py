@@ -73,6 +73,7 @@ REFUSED: dict[tuple[str, str], list[tuple[Any, str]]] = {
     ('run', 'at'): [
         ([0.5, 0.2], 'ascend'),
         ([-1.0], 'past'),
+        ([0.5, 9.9], 'behind the end'),
         ([NAN], 'finite'),
         ([INF], 'finite'),
         (['0.1'], 'finite'),
@@ -268,6 +269,9 @@ NONE: dict[str, Callable[[State], Any]] = {
     'before zero': lambda s: replace(s, step=-1),
     'part of a step': lambda s: replace(s, step=1.5),  # type: ignore[arg-type]
     'late': lambda s: replace(s, step=2**60),
+    'of longer steps': lambda s: replace(s, h=0.3 * s.h),
+    'between two steps': lambda s: replace(s, h=NAN),
+    'length of steps': lambda s: replace(s, h='1'),  # type: ignore[arg-type]
     'pace': lambda s: replace(s, pace=NAN),
     'turns': lambda s: replace(s, turns=s.turns.astype(float)),
     'carried': lambda s: replace(s, carried=np.zeros(3)),

@@ -32,6 +32,22 @@ def test_restored_run_repeats_bit_for_bit(name: str, integrator: str) -> None:
     assert same(once, again.sample())
 
 
+def test_a_state_of_other_steps_continues_at_its_time() -> None:
+    """The crank is driven: at another time it would be elsewhere."""
+    drives = {'motor': {'joint': 'crank_pin', 'angle': 'pi/4 + 2*t'}}
+    scene = load_scene({'mechanism': 'slider_crank', 'drives': drives})
+    long, short = (Simulation(scene, integrator='rk4', step=h) for h in (2e-3, 1e-3))
+    long.step(50)
+    short.restore(long.state)
+    assert short.t == long.t == 0.1
+    short.step(2)
+    long.step(1)
+    assert short.sample().q == pytest.approx(long.sample().q, abs=1e-12)
+    (between,) = long.run(0.002, at=[long.t + 1e-3])
+    with pytest.raises(InputError, match='lies between two steps'):
+        long.restore(between.state)
+
+
 def test_motion_does_not_depend_on_what_is_looked_at() -> None:
     states = []
     for options in ({'every': 1}, {'every': 7}, {'at': [0.0, 0.01234, 0.3, 0.33333]}):

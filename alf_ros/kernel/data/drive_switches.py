@@ -10,9 +10,9 @@ from alf_ros.kernel.numba_ext.structs import Struct
 
 @dataclass(frozen=True, eq=False)
 class DriveSwitches(Struct):
-    """The instructions abs, min and max of the program of the drives, and memory."""
+    """The instructions of the program of the drives that may have corners, and memory."""
 
-    compared: Integers  # (switches 2,) the instructions that each compares, -1 for zero
+    compared: Integers  # (switches 2,) the instructions that each compares, or -1, -2
     here: Integers  # (switches,) the branch of each, 0 or 1
     there: Integers  # (switches,) likewise, at the end of a step
     q: Floats  # (blocks D,) of the drives
