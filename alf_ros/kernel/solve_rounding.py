@@ -48,7 +48,7 @@ def solve_rounding(unit: Unit, system: System, work: Work, q: Floats, aside: flo
     aside: how far from there instead, in parts of the shortest distance; 0 if rows depend on
     others, as they would not there.
     """
-    n, v, delta, worst = work.p.size, work.along, work.delta, 0.0
+    n, v, delta, worst, before = work.p.size, work.along, work.delta, 0.0, 1.0
     shortest = system.size**2
     for r in range(system.rows.length2.size):
         shortest = min(shortest, system.rows.length2[r])
@@ -58,15 +58,17 @@ def solve_rounding(unit: Unit, system: System, work: Work, q: Floats, aside: flo
         return 0.0
     zero(v)
     _scattered(n, 1.0, v)
-    for _ in range(_TIMES):
+    for turn in range(_TIMES + 1):
         whole = _solved(unit, system, work)
         copy(delta, v)
         free = _solved(unit, system, work)
         if not free > _FREE * whole:
             break
+        if turn > 0:
+            worst = max(worst, free / before)
+        before = free
         copy(delta, v)
         _solved(unit, system, work)
         for i in range(n):
             v[i] -= delta[i]
-        worst = max(worst, largest(v, n) / free)
     return worst

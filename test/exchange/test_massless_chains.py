@@ -129,6 +129,36 @@ def test_massless_chains_move_as_their_joints_with_as_many_evaluations(
     assert evaluations[0] <= 1.05 * 4000 * seconds
 
 
+def slender(chains: bool) -> Scene:
+    """Crank and rocker, with a rod between balls that hardly has inertia about itself."""
+    maker = RobotMaker(chains)
+    crank, rocker = (0.05, 0, 0.02), (0.3, 0.12, 0.25)
+    maker.rod('crank', (0, 0, 0), crank, 0.8)
+    maker.rod('rod', crank, rocker, 0.05, 0.002)
+    maker.rod('rocker', (0.4, 0.12, 0.05), rocker, 2.0)
+    maker.join('first', 'revolute', GROUND, 'crank', (0, 0, 0), Y)
+    maker.join('last', 'revolute', GROUND, 'rocker', (0.4, 0.12, 0.05), Y + 0.3 * X)
+    maker.join('near', 'spherical', 'crank', 'rod', crank, X, Y, Z)
+    maker.join('far', 'spherical', 'rod', 'rocker', rocker, X, Y, Z)
+    return maker.scene()
+
+
+def test_a_rod_that_hardly_has_inertia_about_itself_feels_no_rounding() -> None:
+    """A large penalty would be rounded by more than the spin of the rod has mass."""
+    stiff = {'step': 1e-3, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8, 'penalty': 1e10}
+    row, ball = (Simulation(slender(chains), **stiff) for chains in (True, False))
+    for simulation in (row, ball):
+        simulation.step(120)
+    bodies = [n for n, b in enumerate(row.model.mechanism.bodies) if b.mass > 0.0]
+    np.testing.assert_allclose(
+        row.sample().body_poses[bodies], ball.sample().body_poses, atol=1e-8
+    )
+    assert row.evaluations <= 1.05 * ball.evaluations
+    energies = [row.sample().energy, Simulation(slender(True), **stiff).sample().energy]
+    assert energies[0] == pytest.approx(energies[1], abs=1e-8)
+    assert row.model.penalty < 1e9 < ball.model.penalty
+
+
 @pytest.mark.parametrize('angle', [0.0, 0.05, 0.5])
 def test_a_row_in_gimbal_lock_is_refused_and_near_it_listed(angle: float) -> None:
     maker = RobotMaker(True)

@@ -10,6 +10,7 @@ import pytest
 
 from alf_ros import Simulation, columns, load_scene
 from alf_ros.kernel.numba_ext.lane_numbers import width
+from alf_ros.model import penalty
 from alf_ros.scene.overrides import with_changes
 from alf_ros.simulation import alike_members
 from alf_ros.simulation.alike_members import AlikeMembers
@@ -146,6 +147,18 @@ def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) ->
     found = run_members(made, range(made.members))
     assert sum(counts) == made.members
     assert len(made.idle) == 1 and not pickle.loads(pickle.dumps(made)).idle
+    for k in range(0, made.members, 3):
+        assert not found[k].reason
+        is_as_alone(made, k, found[k])
+
+
+@pytest.mark.parametrize('n', [0, 9, 11])
+def test_penalties_that_fit_what_rounding_leaves(n: int, monkeypatch: Any) -> None:
+    """As of light parts, here of all: each member has a penalty of its own."""
+    monkeypatch.setattr(penalty, '_LIGHT', 0.0)
+    monkeypatch.setattr(penalty, '_ROUNDED', 1e-10)
+    made = study(*STUDIES[n])
+    found = run_members(made, range(made.members))
     for k in range(0, made.members, 3):
         assert not found[k].reason
         is_as_alone(made, k, found[k])

@@ -180,9 +180,7 @@ class CommandSubscriber:
                 self._apply_joints({name: {'effort': 0.0}}, cause='timeout')
             else:
                 position = self._simulation.state.inputs.targets[name].position
-                if (
-                    position is not None
-                ):  # it stays; an old velocity would hold the joint beside it
+                if position is not None:  # it stays; an old velocity would hold it elsewhere
                     self._held[kind, name] = now
                 stopped = {'position': position, 'velocity': 0.0}
                 self._apply_joints({name: stopped}, cause='timeout')
