@@ -77,8 +77,8 @@ class Starts(NamedTuple):
     """Where members start.
 
     q, qd (members, blocks D) m, m/s; `penalty`, `rounding`, `ordinary`, `close`, `patience`
-    (members,) as in `System`; usual (members,): whether all of this was found; the others start in a way of their
-    own.
+    (members,) as in `System`; usual (members,): whether all of this was found; the others start in
+    a way of their own.
     """
 
     q: Floats

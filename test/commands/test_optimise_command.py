@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from alf_ros import load_scene
+from alf_ros import InputError, load_scene
 from alf_ros.__main__ import main
+from alf_ros.studies.optimisation.optimisation_reading import read_study
 from support.design_scenes import sprung_block
 
 STUDY = """scene: block.yaml
@@ -26,6 +27,24 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / 'block.yaml').write_text(yaml.safe_dump(sprung_block()), 'utf-8')
     (tmp_path / 'study.yaml').write_text(STUDY, 'utf-8')
     return tmp_path
+
+
+def test_a_scene_within_a_study_is_read_as_a_file_is(tmp_path: Path) -> None:
+    """Its paths begin in the folder of the study, and a point called e is no number."""
+    block = sprung_block()
+    (tmp_path / 'block.yaml').write_text(yaml.safe_dump(block.pop('mechanism')), 'utf-8')
+    block['mechanism'] = 'block.yaml'
+    scene = yaml.safe_dump(block).replace('\n', '\n  ')
+    text = STUDY.replace('scene: block.yaml', f'scene:\n  {scene}').replace('B', 'e')
+    (tmp_path / 'study.yaml').write_text(text, 'utf-8')
+    renamed = (tmp_path / 'block.yaml').read_text('utf-8').replace('B', 'e')
+    (tmp_path / 'block.yaml').write_text(renamed, 'utf-8')
+    study = read_study(tmp_path / 'study.yaml')
+    assert study.scene.mechanism.points[0].name == 'e'
+    study_text = text.replace('stiffness: 50.0', 'stifness: 50.0')
+    (tmp_path / 'study.yaml').write_text(study_text, 'utf-8')
+    with pytest.raises(InputError, match=r'study.yaml:\d+: .*stifness: unknown'):
+        read_study(tmp_path / 'study.yaml')
 
 
 def test_it_writes_a_scene_and_a_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

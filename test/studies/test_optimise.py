@@ -175,6 +175,23 @@ def test_the_shortest_time_under_a_limit_of_speed() -> None:
     assert found.settled and found.is_feasible
 
 
+def test_an_optimum_where_the_scenes_end() -> None:
+    """Without friction the block is there first; friction below zero is refused."""
+    scene = sprung_block()
+    scene['effects']['joint_friction'] = {'joint': 'rail', 'viscous': 0.5}
+    found = optimise(
+        scene,
+        {'joint_friction.viscous': [0, 5], 'main.stiffness': [10, 60]},
+        {'crossing': 'rail.position', 'value': 0.2},
+        duration=0.6,
+        period=0.01,
+    )
+    assert found.settled and set(found.active) == set(found.numbers.names)
+    assert 0.0 < found['joint_friction.viscous'] <= 1e-3
+    exact = math.pi / 3.0 / math.sqrt(60.0 / 2.0)
+    assert exact < found.objective_after < exact + 1e-4
+
+
 def test_steps_to_impossible_designs_are_refused() -> None:
     """The shorter its ground, the better; where a + b = c + d the crank no longer goes round."""
     found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.differences import OFFSETS
 from alf_ros.simulation.displaced_scenes import DisplacedScenes, Middle
 from alf_ros.simulation.input_checks import numbers
 from alf_ros.simulation.simulation import Simulation
@@ -19,6 +20,7 @@ from alf_ros.simulation.simulation import Simulation
 # steps of differences: of the number, which counts as this part of its range at least
 _STEP, _LEAST = 2.5e-3, 0.1
 _FRAME = 4.0  # of the size of the drawing
+INWARD = 1e-4  # of the range: differences find scenes on both sides of a place so far within
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +28,8 @@ class DesignNumbers:
     """Names of numbers of a scene, as of `fork --set`, with bounds.
 
     framed: the scene as it is computed. before, lower, upper (P,): the values in the scene, which
-    may lie outside, and the bounds.
+    may lie outside, and the bounds. A bound beyond which there is no scene, as of a mass, is
+    `INWARD` of the one that was asked for: a derivative needs scenes on both sides.
     """
 
     scene: Scene
@@ -92,10 +95,31 @@ def design_numbers(scene: Scene, vary: Any) -> DesignNumbers:
             raise error.about(key) from None
         lower.append(low)
         upper.append(high)
-    framed = _framed(scene)
-    return DesignNumbers(
-        scene, framed, tuple(vary), np.array(before), np.array(lower), np.array(upper)
+    return _inward(
+        DesignNumbers(
+            scene,
+            _framed(scene),
+            tuple(vary),
+            np.array(before),
+            np.array(lower),
+            np.array(upper),
+        )
     )
+
+
+def _inward(asked: DesignNumbers) -> DesignNumbers:
+    """With bounds a little inwards where the scenes end."""
+    reach = max(OFFSETS) * _STEP * _LEAST * asked.width
+    lower, upper = asked.lower.copy(), asked.upper.copy()
+    for k in range(len(asked.names)):
+        for bounds, side in ((lower, 1.0), (upper, -1.0)):
+            beyond = asked.before.copy()
+            beyond[k] = bounds[k] - side * reach[k]
+            try:
+                asked.at(beyond)
+            except InputError:
+                bounds[k] += side * INWARD * asked.width[k]
+    return replace(asked, lower=lower, upper=upper)
 
 
 def _framed(scene: Scene) -> Scene:

@@ -18,7 +18,7 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.crews import Processes
 from alf_ros.studies.ensemble.distributions import uniform
 from alf_ros.studies.ensemble.sampling import Sampling
-from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
+from alf_ros.studies.optimisation.design_numbers import INWARD, DesignNumbers, design_numbers
 from alf_ros.studies.optimisation.design_study import DesignStudy, SearchEnd, started_search
 from alf_ros.studies.optimisation.designs import Design, DesignCurve, Designs, Told
 from alf_ros.studies.optimisation.driven_design import is_driven
@@ -197,8 +197,9 @@ def _idle(study: Designs, design: Design) -> list[str]:
 
 
 def _check_within(numbers: DesignNumbers) -> None:
-    each = zip(numbers.names, numbers.before, numbers.lower, numbers.upper, strict=True)
-    for name, value, low, high in each:
+    slack = 2.0 * INWARD * numbers.width  # a bound at the end of the scenes is inwards
+    lower, upper = numbers.lower - slack, numbers.upper + slack
+    for name, value, low, high in zip(numbers.names, numbers.before, lower, upper, strict=True):
         if not low <= value <= high:
             raise InputError(
                 'the scene begins outside the bounds',
@@ -250,7 +251,7 @@ def _begins(numbers: DesignNumbers, count: int, seed: int, sampling: Any) -> tup
     """(P,) of each start: the scene, then samples within the bounds."""
     if check.text(sampling, 'sampling') not in SAMPLINGS:
         raise InputError('no such sampling', key='sampling', value=sampling, choices=SAMPLINGS)
-    found = [numbers.before]
+    found = [np.clip(numbers.before, numbers.lower, numbers.upper)]
     if count > 1:
         vary = {name: uniform(0.0, 1.0) for name in numbers.names}
         samples = Sampling(sampling, vary, count - 1, seed)

@@ -16,7 +16,7 @@ from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError
-from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.scene import Scene, load_scene, scene_within
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.studies.ensemble.study_reading import plain, scene_beside, within
@@ -62,9 +62,12 @@ def read_study(source: str | Path, **changes: Any) -> StudyFile:
     given: dict[str, Any] = {}
     for key, entry in fields.items():
         given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
-    named = within(fields['scene'], lambda: scene_beside(given.pop('scene'), path.parent))
+    scene = given.pop('scene')
+    named = within(fields['scene'], lambda: scene_beside(scene, path.parent))
     given.update({key: value for key, value in changes.items() if value is not None})
     try:
+        if isinstance(scene, dict):
+            return StudyFile(path, fields, scene_within(fields['scene'], path.parent), given)
         return StudyFile(path, fields, load_scene(named), given)
     except InputError as error:
         raise _of_file(error, path, fields) from None
