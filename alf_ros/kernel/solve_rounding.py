@@ -1,9 +1,9 @@
-"""What rounding leaves of a free motion in one solve with the factor of A.
+"""The part of a free motion that rounding leaves in one solve with the factor of A.
 
 A⁻¹ M leaves all of a free motion, and of a mode of the rows a part 1 / (1 + s²). The factor is
-rounded by about ε of its largest numbers, which are those of the penalty. To a light part, such as
-a rod that spins, this is as if its mass were another one: A⁻¹ M v is not quite v. A solve leaves
-that part of a motion for the next round.
+rounded by about ε of its largest numbers, which have the size of the penalty. To a light part,
+such as a rod that spins, this is as if its mass were another one: A⁻¹ M v is not quite v. A solve
+leaves that part of a motion for the next round.
 """
 
 from __future__ import annotations

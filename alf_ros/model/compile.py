@@ -334,7 +334,7 @@ def close_to(sigma: float) -> float:
 
 
 def patience_of(penalty: float, rounding: float, close: float, ordinary: float) -> float:
-    """The convergence ratio above which a solve is slow. It is above what is left of a round in
+    """The convergence ratio above which a solve is slow. It is above what a round leaves in
     ordinary positions, and far below the ratio of a position too close to a singular one."""
     sigma = close * ordinary
     near = 1.0 / (1.0 + penalty * sigma**2)

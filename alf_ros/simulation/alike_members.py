@@ -125,7 +125,7 @@ class AlikeMembers:
         good = self._begin(numbers)
         self._index, last = 0, check.steps_of(duration, first.h, 0)
         t, rows = [], []
-        for instant in check.times(at, 0.0, first.h, last):
+        for instant in check.times(at, 0.0, first.h):
             self._step_to(math.floor(instant / first.h + check.CLOSE), good)
             t.append(self._index * first.h)
             rows.append(self._readings.at(t[-1]))

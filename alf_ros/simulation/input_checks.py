@@ -97,9 +97,8 @@ def samples_of(duration: float, period: float) -> int:
     return math.floor(duration / period + CLOSE)
 
 
-def times(given: Any, now: float, h: float, last: int) -> tuple[float, ...]:
-    """Instants (s) that ascend from now on, for steps of h (s), up to within the step behind the
-    `last` one. Raises InputError."""
+def times(given: Any, now: float, h: float) -> tuple[float, ...]:
+    """Instants (s) that ascend from now on, for steps of h (s). Raises InputError."""
     listed, before = numbers(given, 'at', largest=MOST_STEPS * h), now - CLOSE * h
     for t in listed:
         if t < before:
@@ -107,10 +106,6 @@ def times(given: Any, now: float, h: float, last: int) -> tuple[float, ...]:
                 'lies in the past', key='at', value=t, expected='times that ascend from now on'
             )
         before = t
-    if listed and math.floor(listed[-1] / h + CLOSE) > last:
-        raise InputError(
-            'lies behind the end', key='at', value=listed[-1], expected=f'up to {last * h:.9g} s'
-        )
     return listed
 
 

@@ -244,7 +244,7 @@ class SideBySide:
         last = index + check.steps_of(duration, h, index)
         found: list[list[Sample]] = [[] for _ in self.simulations]
         failed: dict[int, AlfError] = {}
-        for t in check.times(at, first.t, h, last):
+        for t in check.times(at, first.t, h):
             ahead = math.floor(t / h + check.CLOSE) - index
             if ahead > 0:
                 failed |= self.step(ahead, failed)

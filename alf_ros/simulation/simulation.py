@@ -381,17 +381,17 @@ class Simulation:
     ) -> Iterator[Sample]:
         """Advance by `duration` (s), yielding a Sample now and after every `every` steps.
 
-        Or at the times `at` (s from the start of the scene, ascending, within the duration). An
-        instant between two steps is computed separately, so that the motion does not depend on the
-        requested instants. This costs a step per instant, and with an adaptive method at most the
-        steps of the motion again. After an early end of the run the simulation continues from the
-        last whole step.
+        Or at the times `at` (s from the start of the scene, ascending), also behind the duration.
+        An instant between two steps is computed separately, so that the motion does not depend on
+        the requested instants. This costs a step per instant, and with an adaptive method at most
+        the steps of the motion again. After an early end of the run the simulation continues from
+        the last whole step.
         """
         last = self.step_index + check.steps_of(duration, self.h, self.step_index)
         every = check.whole(every, 'every', 1)
         if at is None:
             return self._run_every(every, last)
-        return self._run_at(check.times(at, self.t, self.h, last), last)
+        return self._run_at(check.times(at, self.t, self.h), last)
 
     def _run_every(self, every: int, last: int) -> Iterator[Sample]:
         yield self.sample()

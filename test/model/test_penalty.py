@@ -14,7 +14,7 @@ from alf_ros.model.dense_linearisation import Linearised
 
 
 def measured(model: Model, of: float) -> float:
-    """What rounding leaves at the drawn position with another penalty."""
+    """The part that rounding leaves at the drawn position with another penalty."""
     stiff = model.with_penalty(of)
     work = allocate(stiff, stiff.system, 0)
     return solve_rounding(stiff.unit, stiff.system, work, stiff.q, 0.0)

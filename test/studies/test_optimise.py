@@ -176,7 +176,7 @@ def test_the_shortest_time_under_a_limit_of_speed() -> None:
 
 
 def test_an_optimum_where_the_scenes_end() -> None:
-    """Without friction the block is there first; friction below zero is refused."""
+    """Without friction the block comes first; friction below zero is refused."""
     scene = sprung_block()
     scene['effects']['joint_friction'] = {'joint': 'rail', 'viscous': 0.5}
     found = optimise(
