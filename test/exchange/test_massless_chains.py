@@ -145,7 +145,12 @@ def slender(chains: bool) -> Scene:
 
 def test_a_rod_that_hardly_has_inertia_about_itself_feels_no_rounding() -> None:
     """A large penalty would be rounded by more than the spin of the rod has mass."""
-    stiff: dict[str, Any] = {'step': 1e-3, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8, 'penalty': 1e10}
+    stiff: dict[str, Any] = {
+        'step': 1e-3,
+        'integrator': 'dop853_adaptive',
+        'tolerance': 1e-8,
+        'penalty': 1e10,
+    }
     row, ball = (Simulation(slender(chains), **stiff) for chains in (True, False))
     for simulation in (row, ball):
         simulation.step(120)
