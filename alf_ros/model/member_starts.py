@@ -16,9 +16,9 @@ import numpy as np
 from alf_ros.arrays import Addresses, Floats, Integers, Unit
 from alf_ros.kernel import System, Until, Work, augmented, linearise, mass_trace, times_jacobian
 from alf_ros.kernel.numba_ext.jit import ZERO, compiled
-from alf_ros.kernel.numba_ext.lane_structs import struct_at
+from alf_ros.kernel.numba_ext.lane_structs import section, struct_at
 from alf_ros.kernel.numba_ext.structs import Struct
-from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.solve_rounding import solve_rounding
 from alf_ros.model.closing_newton import settle
 
@@ -75,14 +75,15 @@ def close_members(
 
 @dataclass(frozen=True, eq=False)
 class MemberRanks(Struct):
-    """Traces at one of the places of members, from which their ranks follow."""
+    """Traces at one of the places of members, from which their ranks follow, and roundings."""
 
     addresses = ('system',)
 
     system: Addresses  # (members,) of its System
     wanted: Integers  # (members,) 1 where it is asked for
     q: Floats  # (members, PLACES, all blocks D) m
-    trace: Floats  # (members,) tr(M A⁻¹) there, not a number without a factor; or the rounding
+    trace: Floats  # (members,) tr(M A⁻¹) there, not a number without a factor
+    rounding: Floats  # (members,) `solve_rounding` where they close
     Z: Floats  # (movable D D,) memory
     Zo: Floats  # (blocks D D,) memory
 
@@ -95,8 +96,7 @@ def trace_members(unit: Unit, of: System, work: Work, place: int, found: MemberR
         if found.wanted[m] == 0:
             continue
         first = (m * np.uint64(PLACES) + np.uint64(place)) * size
-        for i in range(ZERO, size):
-            work.q[i] = found.q[first + i]
+        copy(section(found.q, first, size), work.q)
         system = struct_at(of, found.system[m])
         found.trace[m] = np.nan
         if linearise(unit, system, work, work.q):
@@ -107,16 +107,15 @@ def trace_members(unit: Unit, of: System, work: Work, place: int, found: MemberR
 
 @compiled
 def round_members(unit: Unit, of: System, work: Work, aside: float, found: MemberRanks) -> None:
-    """`solve_rounding` of the members that are `wanted`, where they close, as `trace`."""
+    """`solve_rounding` of the members that are `wanted`, where they close."""
     members, size = np.uint64(found.system.size), np.uint64(work.q.size)
     for m in range(ZERO, members):
         if found.wanted[m] == 0:
             continue
         first = m * np.uint64(PLACES) * size
-        for i in range(ZERO, size):
-            work.shift[i] = found.q[first + i]
+        copy(section(found.q, first, size), work.shift)
         system = struct_at(of, found.system[m])
-        found.trace[m] = solve_rounding(unit, system, work, work.shift, aside)
+        found.rounding[m] = solve_rounding(unit, system, work, work.shift, aside)
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,6 +151,7 @@ class MemberSystems:
             wanted=np.zeros(self._members, dtype=np.int64),
             q=self._places.q,
             trace=np.zeros(self._members),
+            rounding=np.zeros(self._members),
             Z=np.zeros(model.n * D),
             Zo=np.zeros(model.system.pattern.row.size * D * D),
         )
@@ -255,7 +256,7 @@ class MemberSystems:
         own.penalty[:] = stiff
         found.wanted[:] = wanted
         round_members(self._model.unit, own.member(0), self._work, ASIDE, found)
-        before, parts = stiff.tolist(), np.where(wanted, found.trace, 0.0).tolist()
+        before, parts = stiff.tolist(), np.where(wanted, found.rounding, 0.0).tolist()
         each = list(zip(before, sigmas, parts, strict=True))
         penalty = np.array([light_penalty(*one) for one in each])
         own.rows.alpha[:] *= (penalty / stiff)[:, None]

@@ -192,6 +192,14 @@ def test_an_optimum_where_the_scenes_end() -> None:
     assert exact < found.objective_after < exact + 1e-4
 
 
+def test_a_start_outside_the_bounds_asked_for_is_refused() -> None:
+    """Also where the search keeps a little inwards of them."""
+    scene = sprung_block()
+    scene['effects']['joint_friction'] = {'joint': 'rail', 'viscous': 5.0005}
+    with pytest.raises(InputError, match=r'outside the bounds, got 5\.0005; expected 0 to 5$'):
+        optimise(scene, {'joint_friction.viscous': [0, 5]}, 'final(energy)', duration=0.1)
+
+
 def test_steps_to_impossible_designs_are_refused() -> None:
     """The shorter its ground, the better; where a + b = c + d the crank no longer goes round."""
     found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)

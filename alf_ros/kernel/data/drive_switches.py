@@ -12,7 +12,8 @@ from alf_ros.kernel.numba_ext.structs import Struct
 class DriveSwitches(Struct):
     """The instructions of the program of the drives that may have corners, and memory."""
 
-    compared: Integers  # (switches 2,) the instructions that each compares, or -1, -2
+    # (switches 2,) an instruction and the one it is compared with; -1: with zero, -2: its rate is
+    compared: Integers
     here: Integers  # (switches,) the branch of each, 0 or 1
     there: Integers  # (switches,) likewise, at the end of a step
     q: Floats  # (blocks D,) of the drives

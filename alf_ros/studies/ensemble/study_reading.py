@@ -158,12 +158,9 @@ def load_study(source: str | Path, **changes: Any) -> Study:
     fields = yaml_document.read(path).mapping(KEYS, ('scene', 'vary'))
     given: dict[str, Any] = {}
     for key, entry in fields.items():
-        given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
-    if isinstance(fields['scene'].value, dict):
-        given['scene'] = scene_within(fields['scene'], path.parent)
-    else:
-        beside = lambda: scene_beside(given['scene'], path.parent)  # noqa: E731
-        given['scene'] = within(fields['scene'], beside)
+        if key != 'scene':
+            given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
+    given['scene'] = scene_of(fields['scene'], path.parent)
     if 'outputs' in given:
         files = lambda: _functions(given['outputs'], path.parent)  # noqa: E731
         given['outputs'] = within(fields['outputs'], lambda: read_outputs(files()))
@@ -208,11 +205,19 @@ def plain(entry: Entry) -> Any:
     return int(number) if number == int(number) and abs(number) < 2**53 else number
 
 
-def scene_beside(given: Any, folder: Path) -> Any:
-    """A path is one from the folder of the study."""
-    if isinstance(given, str) and (given.endswith(('.yaml', '.yml')) or '/' in given):
-        return folder / paths.named(given)
-    return given
+def scene_of(entry: Entry, folder: Path) -> Any:
+    """The scene that a study contains, or the name or path of one, from the folder of the study.
+    Raises InputError."""
+    if isinstance(entry.value, dict):
+        return scene_within(entry, folder)
+
+    def named() -> Any:
+        given = plain(entry)
+        if isinstance(given, str) and (given.endswith(('.yaml', '.yml')) or '/' in given):
+            return folder / paths.named(given)
+        return given
+
+    return within(entry, named)
 
 
 def _functions(data: Any, folder: Path) -> Any:

@@ -20,22 +20,24 @@ from alf_ros.simulation.simulation import Simulation
 # steps of differences: of the number, which counts as this part of its range at least
 _STEP, _LEAST = 2.5e-3, 0.1
 _FRAME = 4.0  # of the size of the drawing
-INWARD = 1e-4  # of the range: differences find scenes on both sides of a place so far within
+_INWARD = 1e-4  # of the range: differences find scenes on both sides of a place so far within
 
 
 @dataclass(frozen=True, eq=False)
 class DesignNumbers:
     """Names of numbers of a scene, as of `fork --set`, with bounds.
 
-    framed: the scene as it is computed. before, lower, upper (P,): the values in the scene, which
-    may lie outside, and the bounds. A bound beyond which there is no scene, as of a mass, is
-    `INWARD` of the one that was asked for: a derivative needs scenes on both sides.
+    framed: the scene as it is computed. before (P,): the values in the scene, which may lie
+    outside. asked (2, P): the bounds asked for. lower, upper (P,): the bounds of the search. A
+    bound beyond which there is no scene, such as a mass of 0, is moved inwards, because a
+    derivative needs scenes on both sides.
     """
 
     scene: Scene
     framed: Scene
     names: tuple[str, ...]
     before: Floats
+    asked: Floats
     lower: Floats
     upper: Floats
 
@@ -101,6 +103,7 @@ def design_numbers(scene: Scene, vary: Any) -> DesignNumbers:
             _framed(scene),
             tuple(vary),
             np.array(before),
+            np.array([lower, upper]),
             np.array(lower),
             np.array(upper),
         )
@@ -118,7 +121,7 @@ def _inward(asked: DesignNumbers) -> DesignNumbers:
             try:
                 asked.at(beyond)
             except InputError:
-                bounds[k] += side * INWARD * asked.width[k]
+                bounds[k] += side * _INWARD * asked.width[k]
     return replace(asked, lower=lower, upper=upper)
 
 

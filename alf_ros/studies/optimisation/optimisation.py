@@ -18,7 +18,7 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.crews import Processes
 from alf_ros.studies.ensemble.distributions import uniform
 from alf_ros.studies.ensemble.sampling import Sampling
-from alf_ros.studies.optimisation.design_numbers import INWARD, DesignNumbers, design_numbers
+from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
 from alf_ros.studies.optimisation.design_study import DesignStudy, SearchEnd, started_search
 from alf_ros.studies.optimisation.designs import Design, DesignCurve, Designs, Told
 from alf_ros.studies.optimisation.driven_design import is_driven
@@ -197,9 +197,7 @@ def _idle(study: Designs, design: Design) -> list[str]:
 
 
 def _check_within(numbers: DesignNumbers) -> None:
-    slack = 2.0 * INWARD * numbers.width  # a bound at the end of the scenes is inwards
-    lower, upper = numbers.lower - slack, numbers.upper + slack
-    for name, value, low, high in zip(numbers.names, numbers.before, lower, upper, strict=True):
+    for name, value, low, high in zip(numbers.names, numbers.before, *numbers.asked, strict=True):
         if not low <= value <= high:
             raise InputError(
                 'the scene begins outside the bounds',

@@ -16,10 +16,10 @@ from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError
-from alf_ros.scene.scene import Scene, load_scene, scene_within
+from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
-from alf_ros.studies.ensemble.study_reading import plain, scene_beside, within
+from alf_ros.studies.ensemble.study_reading import plain, scene_of, within
 from alf_ros.studies.optimisation.optimisation import Report, optimise
 from alf_ros.studies.optimisation.optimum import Optimum
 
@@ -61,14 +61,13 @@ def read_study(source: str | Path, **changes: Any) -> StudyFile:
     fields = yaml_document.read(path).mapping(KEYS, ('scene', 'vary', 'minimise'))
     given: dict[str, Any] = {}
     for key, entry in fields.items():
-        given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
-    scene = given.pop('scene')
-    named = within(fields['scene'], lambda: scene_beside(scene, path.parent))
+        if key != 'scene':
+            given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
+    scene = scene_of(fields['scene'], path.parent)
     given.update({key: value for key, value in changes.items() if value is not None})
     try:
-        if isinstance(scene, dict):
-            return StudyFile(path, fields, scene_within(fields['scene'], path.parent), given)
-        return StudyFile(path, fields, load_scene(named), given)
+        loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+        return StudyFile(path, fields, loaded, given)
     except InputError as error:
         raise _of_file(error, path, fields) from None
 
