@@ -242,20 +242,17 @@ def closure_passes() -> str:
 
 
 def robots() -> str:
-    """Robot files of others, imported and simulated: as they are, and with balls."""
-    about, plain = rows('robots.csv')
-    _, joined = rows('robots_balls.csv')
-    head = 'file | result | with `--balls` | freedoms | loops | evaluations a second | closure, m '
+    """Robot files of others, imported and simulated."""
+    about, found = rows('robots.csv')
+    head = 'file | result | freedoms | loops | evaluations a second | closure, m '
     head += '| s per simulated s'
     body = []
-    for one, other in zip(plain, joined, strict=True):
-        cells = [_told(one), other['result'] if one['result'] == other['result'] else _told(other)]
-        cells += [other[key] for key in ('freedoms', 'loops')]
-        cells += [_short(other[key]) for key in ('evaluations', 'closure', 'seconds')]
-        body.append([one['file'].removesuffix('/robot.urdf'), *cells])
-    counts = [sum(row['result'] == 'ok' for row in found) for found in (plain, joined)]
-    ran = [f'{count} of {len(plain)} ok' for count in counts]
-    return markdown(about, head, [*body, ['all', *ran, *[''] * 5]])
+    for row in found:
+        cells = [_told(row), *(row[key] for key in ('freedoms', 'loops'))]
+        cells += [_short(row[key]) for key in ('evaluations', 'closure', 'seconds')]
+        body.append([row['file'].removesuffix('/robot.urdf'), *cells])
+    ran = sum(row['result'] == 'ok' for row in found)
+    return markdown(about, head, [*body, ['all', f'{ran} of {len(found)} ok', *[''] * 5]])
 
 
 def identification() -> str:

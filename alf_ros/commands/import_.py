@@ -83,8 +83,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument(
         '--balls',
-        action='store_true',
-        help='one ball for each row of three revolutes through links without mass',
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help='one ball, with their names and angles, for each row of three revolutes through '
+        'links without mass on which nothing acts (default: yes)',
     )
     parser.add_argument('--key', metavar='NAME', help='keyframe of an MJCF for the start')
     parser.add_argument(

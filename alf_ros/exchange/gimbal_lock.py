@@ -38,7 +38,8 @@ def checked(robot: Robot) -> None:
                 row[1].name,
                 f'the first and the last axis of {names} are parallel, and the links between have '
                 'no mass: how they move is not determined',
-                expected=f'a ball in their place: --balls; or --set {row[1].name}=NUMBER',
+                expected=f'--set {row[1].name}=NUMBER, or a ball: nothing that acts on them, and '
+                'no --no-balls',
             )
         near = sine < _NEAR
         robot.leave('joints near gimbal lock' if near else 'rows of joints for balls', names)

@@ -47,8 +47,8 @@ class Wishes:
     stiffness of a stop at each limit of a joint. contact: stiffness of what touches a plane.
     ground: height of a horizontal plane, m, for URDF and SDF. floating: the root link of a URDF is
     free. positions: of joints as drawn, rad or m. repair_inertia: change impossible inertias.
-    balls: one ball for three revolutes through links without mass. key: the keyframe of an MJCF
-    that it begins at. arguments: of a xacro.
+    balls: one ball, with their angles, for three revolutes through links without mass. key: the
+    keyframe of an MJCF that it begins at. arguments: of a xacro.
     """
 
     loops: str | None = None
@@ -59,7 +59,7 @@ class Wishes:
     floating: bool = False
     positions: Mapping[str, float] = field(default_factory=dict)
     repair_inertia: bool = False
-    balls: bool = False
+    balls: bool = True
     key: str | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
 

@@ -17,11 +17,12 @@ MOTION = {
     'joints without inertia': 'all mass that turns is on their axis, so they are fixed as drawn',
     'no mass in a free direction': 'a run stops: give these bodies mass and inertia, make one of '
     'the joints `fixed`, or give one a rotor (`armature` of a motor)',
-    'angles of balls': 'a ball is in place of the joints: their angles are not published',
-    'joints near gimbal lock': 'links without mass turn fast there, and stop a run (see --balls)',
+    'angles of balls': 'a ball is in place of the joints: their angles are not published, because '
+    'a part at its ends has no inertia about an axis',
+    'joints near gimbal lock': 'links without mass turn fast there, and stop a run',
     'rows of joints with skew axes': 'where their axes lie in one plane they stop a run: '
     'the links between have no mass',
-    'rows of joints for balls': 'at gimbal lock they stop a run (see --balls)',
+    'rows of joints for balls': 'at gimbal lock they stop a run',
     'inertia by shapes': 'it is not computed: the one in the file counts',
     'mass: default of SDF': 'a link without a mass has 1 kg and 1 kg m2 about every axis',
     'gravity (see --scene)': 'gravity is absent',
@@ -126,6 +127,8 @@ _COUNTED = (
 # what reads differently, but moves alike
 READING = {
     'names, changed': '',
+    'rows of joints that are balls': 'they keep names and angles; no force acts on one of them '
+    '(see --no-balls)',
     'zero of joints': 'here it is as drawn',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
     'posture of bodies': 'joints are open as drawn; the bodies were moved to close them',

@@ -137,6 +137,11 @@ def text(
             start = points.new(f'{joints[c.name]}_start', c.start, [c.parent])
             found[joints[c.name]] = {'type': c.kind, 'between': sides, 'points': [start, at]}
             found[joints[c.name]]['length'] = c.length
+        if c.angles:
+            found[joints[c.name]]['angles'] = {
+                joints[c.name] if name == c.name else names.take(name): _numbers(axis, 1.0)
+                for name, axis in c.angles
+            }
         if c.kind == 'screw':
             found[joints[c.name]]['pitch'] = c.pitch
     for part in robot.parts:

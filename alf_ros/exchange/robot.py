@@ -70,6 +70,7 @@ class Connection:
     `stiffness` that rests at `rest`, dry `friction`; `limits` of the coordinate; the inertia
     `armature` of a rotor. rad or m, N m or N, kg m^2 or kg. pitch: of a screw, m per turn.
     start: of a `distance`, the place (3,) on the parent, at `length` (m) from the child's.
+    angles: of a ball that stands for three revolutes, the name of each and its unit axis.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Connection:
     armature: float = 0.0
     start: Floats | None = None
     length: float = 0.0
+    angles: tuple[tuple[str, Floats], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,15 +21,25 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import urdf_visuals
-from alf_ros.mechanism import GROUND, Body, Joint, Mechanism
+from alf_ros.mechanism import GROUND, Body, Joint, Mechanism, Numbers
 from alf_ros.mechanism.visual_shapes import roll_pitch_yaw
 from alf_ros.model.joints import type_of
-from alf_ros.model.joints.contract import UrdfJoint
+from alf_ros.model.joints.contract import X, Z
 from alf_ros.simulation.display_geometry import in_space, size
 
 WORLD = 'world'
 # Radius of a bar as a part of the mechanism's size.
 _RADIUS = 0.01
+
+
+class _LinkJoint(NamedTuple):
+    """One joint of the row of URDF joints that a joint is; `axis` (3,) in the frame of the joint
+    as drawn. mimics: its position is `value` times that of the joint of the same name."""
+
+    name: str
+    type: str
+    axis: Numbers
+    mimics: bool = False
 
 
 def urdf(
@@ -95,7 +106,7 @@ def _tree(
     mechanism: Mechanism, keep: AbstractSet[str] = frozenset()
 ) -> Iterator[tuple[Joint, str, str]]:
     """(joint, known body, new body) of a spanning tree from the ground, nearest first."""
-    joints = [joint for joint in mechanism.joints if type_of(joint).urdf is not None]
+    joints = [joint for joint in mechanism.joints if _row(joint) is not None]
     if keep:
         joints = _without_loops(sorted(joints, key=lambda joint: keep.isdisjoint(_names(joint))))
     known, ring = {GROUND}, [GROUND]
@@ -117,7 +128,19 @@ def _tree(
 
 def _names(joint: Joint) -> list[str]:
     """Of its joints in a URDF."""
-    return [joint.name + each.suffix for each in type_of(joint).urdf or ()]
+    return [each.name for each in _row(joint) or ()]
+
+
+def _row(joint: Joint) -> list[_LinkJoint] | None:
+    """Its joints in a URDF, from the parent on; None if URDF has no equivalent."""
+    if joint.angles:
+        axes = Z, X, (0.0, -math.sin(joint.value), math.cos(joint.value))
+        pairs = zip(joint.angles, axes, strict=True)
+        return [_LinkJoint(name, 'continuous', axis) for name, axis in pairs]
+    found = type_of(joint).urdf
+    if found is None:
+        return None
+    return [_LinkJoint(joint.name + each.suffix, *each[1:]) for each in found]
 
 
 def _without_loops(joints: Iterable[Joint]) -> list[Joint]:
@@ -148,9 +171,9 @@ def frame(joint: Joint, body: str) -> tuple[Floats, Floats]:
     return place, axes
 
 
-def _motions(joint: Joint, forwards: bool) -> Iterator[tuple[UrdfJoint, Floats]]:
+def _motions(joint: Joint, forwards: bool) -> Iterator[tuple[_LinkJoint, Floats]]:
     """The joints in a row from one body to the other, each with its axis."""
-    found = type_of(joint).urdf or ()
+    found = _row(joint) or []
     # joint_states tell the child's motion against the parent: the other way round, minus it
     for each in found if forwards else reversed(found):
         axis = np.array(each.axis)
@@ -167,7 +190,7 @@ def _add_joint_of_tree(
     at_origin = not inner.any() and np.array_equal(turn, np.eye(3))
     motions = list(_motions(joint, forwards))
     for n, (each, axis) in enumerate(motions):
-        last, name = n == len(motions) - 1, joint.name + each.suffix
+        last, name = n == len(motions) - 1, each.name
         below = f'{prefix}{child}' if last and at_origin else f'{prefix}{child}_at_{name}'
         if below != prefix + child:
             ElementTree.SubElement(robot, 'link', name=below)

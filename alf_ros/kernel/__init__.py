@@ -16,6 +16,7 @@ from alf_ros.kernel.applied_forces import (
     sides,
 )
 from alf_ros.kernel.augmented_solve import accelerate, augmented, finish, restore_reactions
+from alf_ros.kernel.ball_angles import ball_angles
 from alf_ros.kernel.constraints import (
     add_transposed,
     convective,
@@ -32,6 +33,7 @@ from alf_ros.kernel.data import (
     Adjoint,
     Arms,
     Axes,
+    BallAngles,
     Bearings,
     BlockSums,
     Chart,
@@ -95,6 +97,7 @@ __all__ = [
     'Adjoint',
     'Arms',
     'Axes',
+    'BallAngles',
     'Bearings',
     'BlockSums',
     'Chart',
@@ -146,6 +149,7 @@ __all__ = [
     'carried_over',
     'chosen_forces',
     'convective',
+    'ball_angles',
     'counted_angles',
     'finish',
     'follow',

@@ -10,6 +10,7 @@ import numpy as np
 
 from alf_ros.kernel.applied_forces import add_friction, applied_forces, potential_energy
 from alf_ros.kernel.augmented_solve import accelerate, restore_reactions
+from alf_ros.kernel.ball_angles import ball_angles
 from alf_ros.kernel.constraints import times_jacobian, violation
 from alf_ros.kernel.data import HeldForces, Phase, Problem, ReadOut
 from alf_ros.kernel.inverse_trace import mass_trace
@@ -57,6 +58,7 @@ def read_out(
     if wanted & JOINTS:
         angles, spins = out.angles, out.spins
         joint_coordinates(unit, out.joints, q, qd, angles, spins, out.position, out.velocity)
+        ball_angles(unit, out.balls, q, qd, out.joints.place.size, out.position, out.velocity)
     if wanted & ENERGY:
         zero(out.momenta)
         add_mass_times(unit, system.mass, 1.0, qd, out.momenta)

@@ -99,7 +99,9 @@ class Joint:
     internal pair is negative. `motion`, if it has any, is a function of time: an angle (rad) by
     which a direction is `turning` on the child, or the velocity of the surface on which the child
     rolls: along each axis of the parent's frame (m/s), in space then its spin about the normal
-    through the frame's origin (rad/s).
+    through the frame's origin (rad/s). `angles` are the names of the three angles of a ball that
+    stands for revolutes in a row: about z of the parent's frame, about x of both, and about z
+    turned by `value` about x, on the child.
 
     The type defines the `freedoms` that it leaves, and the `auxiliary` blocks that its rows need,
     by the ends of their names after the name of the joint.
@@ -116,6 +118,7 @@ class Joint:
     of_parent: float = 0.0
     motion: tuple[Signal, ...] = ()
     turning: bool = False
+    angles: tuple[str, ...] = ()
     auxiliary: tuple[str, ...] = ()
     freedoms: tuple[Freedom, ...] = field(default=(), compare=False)
     bearing: Bearing | None = None
@@ -231,6 +234,12 @@ class Mechanism:
         return {each.name: each for each in self.coordinates}
 
     @cached_property
+    def ball_angles(self) -> tuple[str, ...]:
+        """Names of the angles of balls, three of each that has some. They can be read, but are no
+        coordinates: near gimbal lock they jump while the bodies move smoothly."""
+        return tuple(name for joint in self.joints for name in joint.angles)
+
+    @cached_property
     def prescribed(self) -> tuple[PrescribedBlock, ...]:
         """Motions as functions of time: for the drives, then for joints, by their names."""
         found = [_of_drive(drive) for drive in self.drives]
@@ -259,7 +268,17 @@ class Mechanism:
         items = [(item.name, item.fixed) for item in self.blocks]
         bodies = [(b.name, b.points, b.vectors) for b in self.bodies]
         joints = [
-            (j.name, j.kind, j.parent, j.child, j.point, j.vector, j.motion, j.turning)
+            (
+                j.name,
+                j.kind,
+                j.parent,
+                j.child,
+                j.point,
+                j.vector,
+                j.motion,
+                j.turning,
+                j.angles,
+            )
             for j in self.joints
         ]
         rotors = [(rotor.name, rotor.of) for rotor in self.rotors]

@@ -175,6 +175,7 @@ _SHAPES: dict[str, Callable[[int], Schema]] = {  # of the keys of joints
     'points': lambda D: _list(_NAME, 2),
     'axis': lambda D: _axis(D),
     'axes': lambda D: _list(_axis(D), 2),
+    'three axes': lambda D: {**_by_name(_axis(D)), 'minProperties': 3, 'maxProperties': 3},
     'number': lambda D: _NUMBER,
     'numbers': lambda D: _list(_NUMBER, 2),
     'boolean': lambda D: {'type': 'boolean'},

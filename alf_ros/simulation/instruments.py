@@ -13,8 +13,9 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from alf_ros.kernel import CutWork, Forces, JointCoordinates, Modes, Problem
+from alf_ros.kernel import BallAngles, CutWork, Forces, JointCoordinates, Modes, Problem
 from alf_ros.model.compile import Model, allocate
+from alf_ros.model.constraints.ball_angles import ball_angles
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import begun
 from alf_ros.scene.scene import Solver
@@ -110,6 +111,11 @@ class Instruments:
         each = [(c.place if c.is_angle else angles + c.place, c.less) for c in model.coordinates]
         place, less = np.array(each, dtype=np.int64).reshape(-1, 2).T
         return JointCoordinates(indices(place), less.copy(), model.lengths)
+
+    @cached_property
+    def balls(self) -> BallAngles:
+        """The balls that have angles."""
+        return ball_angles(self._model.layout)
 
 
 def _lent(idle: list[T], make: Callable[[], T]) -> Lent[T]:

@@ -126,6 +126,26 @@ class Kinematics(Keeper):
         """(joint coordinates,) rad/s or m/s."""
         return self._joint_coordinates[1]
 
+    @kept
+    def angles_of_balls(self) -> tuple[Floats, Floats]:
+        """(3 balls,) rad and rad/s, in the order of `ball_angles`."""
+        balls, unit, state = self._instruments.balls, self.model.unit, self._state
+        angles, rates = np.empty((2, 3 * balls.tilt.size))
+        kernel.ball_angles(unit, balls, state.q, state.qd, np.uint64(0), angles, rates)
+        return read_only(angles), read_only(rates)
+
+    @property
+    def ball_angles(self) -> Mapping[str, tuple[float, float]]:
+        """Angle (rad) and rate (rad/s) by name, of balls that stand for three revolutes in a row
+        (`angles` of `spherical`).
+
+        The middle angle stays within a half turn, the others within a turn. In gimbal lock, where
+        the first and the last axis align, their rates are not a number.
+        """
+        angles, rates = self.angles_of_balls
+        names = self.model.mechanism.ball_angles
+        return NamedValues(names, lambda n: (float(angles[n]), float(rates[n])))
+
     @property
     def _scale(self) -> Floats:
         """(rows,) what turns Φ into metres."""

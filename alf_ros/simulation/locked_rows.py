@@ -42,7 +42,7 @@ def explained(model: Model, q: Floats) -> tuple[str, str] | None:
     return (
         f': {names} are {np.degrees(np.arcsin(sine)):.2g} degrees from gimbal lock, and the links '
         'between have no mass',
-        'put a ball in place of such a row (import --balls)',
+        'put a ball in place of such a row (`spherical` with `angles`)',
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.model.compile import Model
 from alf_ros.model.constraints import drives
 from alf_ros.simulation import state_vector
 from alf_ros.simulation.sample import Sample
@@ -43,17 +44,32 @@ def _wrenches(sample: Sample) -> tuple[Floats]:
     return (wrenches,)
 
 
+def joint_state_names(model: Model) -> tuple[str, ...]:
+    """Names of the joint coordinates, and of the angles of balls."""
+    return model.coordinate_names + model.mechanism.ball_angles
+
+
 def energy_names(effects: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the energies (J): the whole, the kinetic part, and what each effect stores."""
     return ('total', 'kinetic', *effects)
+
+
+def _joint_states(sample: Sample) -> tuple[Floats, ...]:
+    """Of the joint coordinates, then of the angles of balls, on which no effort acts."""
+    coordinates = sample.joint_positions, sample.joint_velocities, sample.joint_efforts
+    angles, rates = sample.angles_of_balls
+    if not angles.size:
+        return coordinates
+    parts = zip(coordinates, (angles, rates, np.zeros(angles.size)), strict=True)
+    return tuple(np.concatenate(pair) for pair in parts)
 
 
 _JOINT_STATE = 'position', 'velocity', 'effort'
 JOINT_STATES = Reading(
     'joint_states',
     _JOINT_STATE,
-    lambda sample: sample.model.coordinate_names,
-    lambda sample: (sample.joint_positions, sample.joint_velocities, sample.joint_efforts),
+    lambda sample: joint_state_names(sample.model),
+    _joint_states,
 )
 REACTIONS = Reading('~/reactions', ('wrench',), lambda sample: sample.model.joint_names, _wrenches)
 CONSTRAINTS = Reading(

@@ -25,6 +25,7 @@ from alf_ros.simulation import state_vector
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.bearing_shares import has_bearings
 from alf_ros.simulation.instruments import Workspace
+from alf_ros.simulation.observables import joint_state_names
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.simulation import Simulation
 
@@ -75,6 +76,7 @@ class SampleReader:
         redundant = self._modes is not None and redundant_rows > 0
         self._out = ReadOut(
             joints=tools.coordinates,
+            balls=tools.balls,
             cut=tools.reactions().arrays if self._on_cut else Cut.empty(),
             there=tools.reactions().workspace() if self._on_cut else CutWork.empty(),
             modes=self._modes or Modes.empty(),
@@ -140,7 +142,7 @@ class SampleReader:
     def _hold(self, applied: Applied) -> None:
         """From now on these forces act."""
         model = self._model
-        efforts = np.zeros(len(model.coordinates))
+        efforts = np.zeros(len(joint_state_names(model)))
         self._curves.clear()
         for name, held in applied.inputs.efforts.items():
             n = model.coordinate_names.index(name)
@@ -185,7 +187,7 @@ def _check(simulation: Simulation, into: Mapping[str, tuple[Floats, ...]]) -> No
     model, state = simulation.model, simulation.state
     sizes = {
         'state': (len(state_vector.names(model, state)),) * 2,
-        'joint_states': (len(model.coordinates),) * 3,
+        'joint_states': (len(joint_state_names(model)),) * 3,
         'reactions': (6 * len(model.joint_names),),
         'constraints': (len(model.row_names),) * 3,
         'energy': (1,),

@@ -18,6 +18,8 @@ from alf_ros.exchange.import_file import imported
 from alf_ros.exchange.urdf_export import urdf
 from alf_ros.mechanism import GROUND
 from alf_ros.model.joints import type_of
+from alf_ros.scene.scene import scene_from_text
+from support.ball_scene import BALLS, NAMES
 from support.paths import ROOT
 
 SCENES = sorted(path.stem for path in ROOT.glob('config/scenes/*.yaml'))
@@ -64,6 +66,7 @@ def test_joint_states_move_the_links_as_the_bodies_move(name: str) -> None:
 def compare(sample: Sample, text: str) -> int:
     """How many points of bodies are where a URDF moves them with the joint states."""
     values = {joint: state.position for joint, state in sample.joints.items()}
+    values |= {name: angle for name, (angle, _) in sample.ball_angles.items()}
     found, compared = link_poses(text, values), 0
     for body in sample.model.mechanism.bodies:
         if body.name not in found:
@@ -74,6 +77,21 @@ def compare(sample: Sample, text: str) -> int:
             assert at[: len(local)] == pytest.approx(sample.points[point], abs=1e-9)
             compared += 1
     return compared
+
+
+def test_balls_with_angles_are_rows_of_joints_that_come_back(tmp_path: Path) -> None:
+    """One of them is written from the other body."""
+    scene = scene_from_text(BALLS)
+    simulation = Simulation(scene)
+    simulation.step(300)
+    text = urdf(scene.mechanism)
+    assert compare(simulation.sample(), text) == 6
+    (tmp_path / 'it.urdf').write_text(text)
+    source = str(tmp_path / 'it.urdf')
+    back = Simulation(scene_from_text(imported(source, scene=True)))
+    rows = Simulation(scene_from_text(imported(source, scene=True, balls=False)))
+    assert set(back.sample().ball_angles) == set(NAMES[1:])
+    assert set(rows.sample().joints) == set(NAMES) and not rows.sample().ball_angles
 
 
 def test_the_tree_has_the_joints_to_be_kept() -> None:

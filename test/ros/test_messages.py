@@ -18,8 +18,10 @@ from alf_ros.model.softest_modes import near as near_level
 from alf_ros.ros.messages.templates import to_time
 from alf_ros.ros.messages.topics import TOPICS
 from alf_ros.ros.simulator import diagnostics
+from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation import state_vector
 from alf_ros.simulation.display_geometry import Display
+from support.ball_scene import BALLS, NAMES
 
 HANGING_ROD: dict[str, Any] = {
     'name': 'hanging_rod',
@@ -82,6 +84,16 @@ def test_joint_states_are_those_of_the_sample(slider_crank):
     ax, ay = sample.points['A']
     assert np.tan(message.position[0]) == pytest.approx(ay / ax, rel=1e-12)
     assert message.position[2] == sample.points['B'][0]
+
+
+def test_angles_of_balls_are_joint_states_too():
+    simulation = Simulation(scene_from_text(BALLS))
+    simulation.step(20)
+    sample, message = simulation.sample(), messages(simulation)['joint_states']
+    assert tuple(message.name) == NAMES
+    told = [sample.ball_angles[name] for name in NAMES[1:]]
+    assert list(message.position)[1:] == [angle for angle, _ in told]
+    assert list(message.velocity)[1:] == [rate for _, rate in told]
 
 
 def test_joint_effort_is_the_command_and_not_the_reaction():

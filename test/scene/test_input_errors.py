@@ -11,6 +11,7 @@ import yaml
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import load_scene, scene_from_text
 from alf_ros.scene.text import yaml_document
+from support.ball_scene import BALLS
 
 SCENE = """\
 mechanism:
@@ -371,6 +372,25 @@ def test_two_joint_coordinates_of_one_name() -> None:
     message = ":10: .*joints.u_first: a coordinate of u has the same name.*, got 'u_first'"
     with pytest.raises(InputError, match=message):
         scene_from_text(TWO_WITH_ONE_NAME)
+
+
+@pytest.mark.parametrize(
+    ('before', 'after', 'told'),
+    [
+        (', pitch: [0, 1, 0]', '', 'hip.angles: not three axes, got .yaw, roll.; expected three'),
+        ('pitch: [0, 1, 0]', 'pitch: [1, 1, 0]', 'hip.angles: each axis is at a right angle'),
+        ('pitch: [0, 1, 0]', 'first: [0, 1, 0]', 'a coordinate of hip has the same name as one'),
+        ('pitch: [0, 1, 0]', 'pin: [0, 1, 0]', 'a coordinate of pin has the same name as one'),
+        ('pitch: [0, 1, 0]', 'a b: [0, 1, 0]', 'a b: not a name, got .a b.'),
+        ('pitch: [0, 1, 0]', 'pitch: [0, 0, 0]', 'pitch: '),
+        ('joint: pin', 'joint: roll', 'roll'),
+    ],
+)
+def test_angles_of_balls(before: str, after: str, told: str) -> None:
+    assert BALLS.count(before) == 1
+    with pytest.raises(InputError, match=told) as caught:
+        scene_from_text(BALLS.replace(before, after))
+    assert '\n' not in str(caught.value)
 
 
 def _mutant(text: str, random: random.Random) -> str:

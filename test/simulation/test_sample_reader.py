@@ -11,8 +11,10 @@ from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
+from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation.observables import READINGS
 from alf_ros.simulation.sample_reader import KEYS, SampleReader, fits, mask
+from support.ball_scene import BALLS, NAMES
 from support.paths import ROOT
 
 SCENES = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
@@ -54,6 +56,16 @@ def test_every_scene_is_read_as_samples_read_it(name):
         simulation.step()
         read += check(simulation, reader, into)
     assert read >= 3
+
+
+def test_angles_of_balls_are_read():
+    simulation = Simulation(scene_from_text(BALLS))
+    reader, into = made(simulation)
+    simulation.step(10)
+    assert check(simulation, reader, into)
+    positions, velocities, efforts = into['joint_states']
+    assert positions.size == len(NAMES) and np.abs(velocities).min() > 0.0
+    assert efforts[0] != 0.0 and not efforts[1:].any()
 
 
 def test_held_inputs_and_a_ledger_are_read():

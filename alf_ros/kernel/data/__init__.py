@@ -22,6 +22,7 @@ from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
 from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Span, Until
 from alf_ros.kernel.data.readings import (
     Axes,
+    BallAngles,
     BlockSums,
     Cut,
     CutWork,
@@ -59,6 +60,7 @@ __all__ = [
     'Adjoint',
     'Arms',
     'Axes',
+    'BallAngles',
     'Bearings',
     'BlockSums',
     'Chart',

@@ -35,6 +35,16 @@ class JointCoordinates(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class BallAngles(Struct):
+    """Balls that stand for three revolutes in a row."""
+
+    constant = True
+
+    axes: Rows  # (9 balls,) x, y, z on the parent of x, y and the last axis of the child
+    tilt: Floats  # (balls,) rad, from the first to the last axis about the middle one, as drawn
+
+
+@dataclass(frozen=True, eq=False)
 class BlockSums(Struct):
     """Signed sums of blocks, one for each joint."""
 
@@ -114,6 +124,7 @@ class ReadOut(Struct):
     """Index arrays and memory of `read_out`, and the memory of its results."""
 
     joints: JointCoordinates
+    balls: BallAngles
     cut: Cut
     there: CutWork
     modes: Modes  # none where the distance to a singular position is not read
@@ -133,9 +144,9 @@ class ReadOut(Struct):
     momenta: Floats  # (movable D,) M q̇
     told: Floats  # (3,) potential energy, J; σ of the softest mode; rank of Φ_q, not rounded
     # results, (0,) where nobody reads them
-    position: Floats  # (joint coordinates,) rad or m
-    velocity: Floats  # (joint coordinates,) rad/s or m/s
-    effort: Floats  # (joint coordinates,) N m or N
+    position: Floats  # (joint coordinates and angles of balls,) rad or m
+    velocity: Floats  # likewise, rad/s or m/s
+    effort: Floats  # likewise, N m or N
     wrench: Floats  # (joints, 6) force and torque on the child, N and N m
     violation: Floats  # (rows,) Φ
     violation_rate: Floats  # (rows,) Φ̇

@@ -138,7 +138,9 @@ def motion(
         applied=film.held(),
         distance=distance,
         passes=passes(near) if stride == 1 else None,
-        angles=frozenset(each.name for each in model.coordinates if each.is_angle),
+        angles=frozenset(
+            (*model.mechanism.ball_angles, *(c.name for c in model.coordinates if c.is_angle))
+        ),
     )
 
 

@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from alf_ros.arrays import Floats
+from alf_ros.simulation.observables import joint_state_names
 from alf_ros.studies.closing.closure import Closure
 from alf_ros.studies.closing.posture import Posture
 
@@ -18,12 +19,14 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 
 
 def joint_state(posture: Posture, stamp: Time, moving: bool) -> JointState:
-    """All joint coordinates; velocities if `moving`: the input had them."""
-    message = JointState(name=list(posture.model.coordinate_names))
+    """All joint coordinates, then the angles of balls; velocities if `moving`: the input had
+    them."""
+    angles, rates = posture.angles_of_balls
+    message = JointState(name=list(joint_state_names(posture.model)))
     message.header.stamp = stamp
-    message.position = posture.joint_positions.tolist()
+    message.position = [*posture.joint_positions.tolist(), *angles.tolist()]
     if moving:
-        message.velocity = posture.joint_velocities.tolist()
+        message.velocity = [*posture.joint_velocities.tolist(), *rates.tolist()]
     return message
 
 

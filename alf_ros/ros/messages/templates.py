@@ -109,9 +109,10 @@ class StateMessage:
 
 def joint_states(model: Model) -> Write | None:
     """`joint_states`: all joints, passive ones too; angle (rad) or travel (m), its rate, and the
-    effort on the free axis (N m or N): drive, spring, friction and command, not the reaction."""
+    effort on the free axis (N m or N): drive, spring, friction and command, not the reaction. Then
+    the angles of balls that have some."""
 
-    return _joint_state(model.coordinate_names, observables.JOINT_STATES)
+    return _joint_state(observables.joint_state_names(model), observables.JOINT_STATES)
 
 
 def constraints(model: Model) -> Write | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from alf_ros.simulation.observables import joint_state_names
 from alf_ros.simulation.simulation import Simulation
 
 JOINTLESS = (
@@ -36,7 +37,7 @@ def lines(
     missed = simulation.missed  # asked for now: later it would delay a step
     about = [f'lengths miss a singular position by about {missed:.1g} m'] if missed else []
     missing = missing_meshes(simulation.scene.mechanism)
-    jointless = [] if simulation.model.coordinate_names else [JOINTLESS]
+    jointless = [] if joint_state_names(simulation.model) else [JOINTLESS]
     return [
         *adjusted,
         *about,

@@ -77,10 +77,12 @@ class ShownScene:
 
     @cached_property
     def units(self) -> dict[str, str]:
-        """The unit of each joint coordinate, rad or m; without those that are not known."""
+        """The unit of each joint coordinate and angle of a ball, rad or m; without those that are
+        not known."""
         if self._mechanism is None:
             return {}
-        return {each.name: 'rad' if each.is_angle else 'm' for each in self._mechanism.coordinates}
+        known = {c.name: 'rad' if c.is_angle else 'm' for c in self._mechanism.coordinates}
+        return known | dict.fromkeys(self._mechanism.ball_angles, 'rad')
 
     @cached_property
     def driven(self) -> tuple[str, ...]:

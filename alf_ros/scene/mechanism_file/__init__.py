@@ -61,9 +61,7 @@ class Parts:
     def declare(self, item: Item) -> None:
         """Points, vectors, bodies and joints share one set of names, as topics and frames do."""
         name, entry = item.name, item.entry
-        if not repetition.NAME.fullmatch(name):
-            expected = 'a letter, then letters, digits or _, 100 at most'
-            raise entry.error('not a name', value=name, expected=expected)
+        repetition.check_name(name, entry)
         if name in (GROUND, WORLD):
             raise entry.error('this name is taken by the frame of the world', value=name)
         if name in self.entries:
@@ -176,12 +174,14 @@ def read_parts(
 def _check_coordinates(mechanism: Mechanism, parts: Parts) -> None:
     """Refuse a name of two joint coordinates, such as of a `universal` u and another joint
     u_first: commands and joint states are by these names."""
+    named = [(each.name, each.joint) for each in mechanism.coordinates]
+    named += [(name, joint) for joint in mechanism.joints for name in joint.angles]
     owners: dict[str, Joint] = {}
-    for coordinate in mechanism.coordinates:
-        other = owners.setdefault(coordinate.name, coordinate.joint)
-        if other is not coordinate.joint:
+    for name, joint in named:
+        other = owners.setdefault(name, joint)
+        if other is not joint:
             message = f'a coordinate of {other.name} has the same name as one of this joint'
-            raise parts.entries[coordinate.joint.name].error(message, value=coordinate.name)
+            raise parts.entries[joint.name].error(message, value=name)
 
 
 def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> dict[str, float]:

@@ -241,6 +241,17 @@ class GivenJoint:
         )
         return first, second
 
+    def named_directions(self, key: str) -> dict[str, Floats]:
+        entry, found = self._entry(key), dict[str, Floats]()
+        for wanted, axis in entry.mapping().items():
+            name = repetition.filled(wanted, axis, self._item.names)
+            repetition.check_name(name, axis)
+            found[name] = self._reader.direction(axis, self._item)[0]
+        if len(found) != 3:
+            expected = 'three names, each with a direction'
+            raise entry.error('not three axes', value=', '.join(found), expected=expected)
+        return found
+
     def number(self, key: str) -> float:
         return self._entry(key).number(self._item.names)
 

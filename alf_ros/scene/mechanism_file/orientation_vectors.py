@@ -31,7 +31,8 @@ def orient(
     entries: dict[str, Entry],
 ) -> None:
     """Add vectors `<body>_x`, `_y`, `_z` where they are needed. Raises InputError."""
-    held = {name for joint in joints if type_of(joint).holds_axis for name in _both(joint)}
+    holding = (joint for joint in joints if type_of(joint).holds_axis or joint.angles)
+    held = {name for joint in holding for name in _both(joint)}
     for name, body in list(bodies.items()):
         directions = [np.array(each) for each in (*body.local[1:], *body.axes)]
         rank = len(independent(directions, 3))

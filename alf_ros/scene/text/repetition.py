@@ -54,6 +54,13 @@ def name(entry: Entry, names: Mapping[str, float]) -> str:
     return filled(entry.text(), entry, names)
 
 
+def check_name(name: str, entry: Entry) -> None:
+    """Refuse what is not the name of a thing. Raises InputError."""
+    if not NAME.fullmatch(name):
+        expected = 'a letter, then letters, digits or _, 100 at most'
+        raise entry.error('not a name', value=name, expected=expected)
+
+
 def title(entry: Entry) -> str:
     """The name of a scene or a mechanism, which may become part of a file name."""
     if not TITLE.fullmatch(entry.text()):

@@ -22,6 +22,7 @@ from alf_ros.model.joints.contract.pen import Pen
 
 __all__ = [
     'ANGLE',
+    'ANGLES',
     'ANYWHERE',
     'AT',
     'AXIS',
@@ -59,6 +60,12 @@ class Key(NamedTuple):
 
 AT = Key('at', 'point', 'point where it is')
 AXIS = Key('axis', 'axis', 'direction: numbers of any length, or a vector')
+ANGLES = Key(
+    'angles',
+    'three axes',
+    'of the row of revolutes that it stands for: name and direction of each axis, at a right '
+    'angle to the next',
+)
 ON = Key('on', 'on', 'line, or plane, on which it moves')
 RADIUS = Key('radius', 'number', 'radius of the wheel (m)')
 CENTRES = Key('centres', 'points', 'centre of the parent, of the child')

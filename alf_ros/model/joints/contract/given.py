@@ -73,6 +73,10 @@ class Given(Protocol):
         """Two unit directions."""
         ...
 
+    def named_directions(self, key: str) -> dict[str, Floats]:
+        """Three unit directions by name."""
+        ...
+
     def number(self, key: str) -> float:
         """A number."""
         ...
