@@ -31,6 +31,7 @@ from alf_ros.model.singular_branches import Position
 from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.bearing_shares import BearingShares, has_bearings
+from alf_ros.simulation.packed_effects import loaded
 from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.simulation import Simulation
 
@@ -104,7 +105,7 @@ def _mechanics(scene: Scene) -> Soundness:
     walk = sweep(usual, None if usual is at else at)
     answers = [_closing(at), *_size(at), _mobility(at, usual), _redundant(usual)]
     answers += _drives(scene, at, usual.model.n - usual.rank)
-    answers += [_reactions(usual), _mass(at)]
+    answers += [*_reactions(scene, usual), _mass(at)]
     answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
     singular = _examined(usual, walk)
     answers += _on_the_way(usual, walk, singular)
@@ -259,10 +260,11 @@ def _redundant(usual: Linearised) -> Answer:
     return Answer(NOTE, 'redundant rows', f'{count}, among the rows of {_list(names)}')
 
 
-def _reactions(usual: Linearised) -> Answer:
+def _reactions(scene: Scene, usual: Linearised) -> Iterator[Answer]:
     model = usual.model
     if len(model.row_names) == usual.rank:
-        return Answer(OK, 'reactions', 'all determinate')
+        yield Answer(OK, 'reactions', 'all determinate')
+        return
     work = allocate(model, model.system, 0)
     kernel.linearise(model.unit, model.system, work, usual.q)
     reactions = Reactions(model)
@@ -280,8 +282,18 @@ def _reactions(usual: Linearised) -> Answer:
     ]
     if not names:
         shared = ', shared by bearings' if has_bearings(model) else ''
-        return Answer(OK, 'reactions', f'all determinate{shared}')
-    return Answer(NOTE, 'reactions', f'not determined by {cause}: {_list(names)}')
+        yield Answer(OK, 'reactions', f'all determinate{shared}')
+        return
+    yield Answer(NOTE, 'reactions', f'not determined by {cause}: {_list(names)}')
+    open_forces = flags[:, : model.layout.dimension].any(axis=1)
+    loads = {each.name: model.joint_names.index(each.joint.name) for each in model.coordinates}
+    pairs = ((effect.label, loaded(effect)) for effect in scene.effects)
+    rubbing = [label for label, name in pairs if name is not None and open_forces[loads[name]]]
+    if rubbing:
+        text = f'{_list(rubbing)}: loads that are not determined, so the motion is one of many'
+        yield Answer(
+            NOTE, 'friction', f'{text}; give a `load`, or leave one of the redundant joints out'
+        )
 
 
 def _components(flags: NDArray[np.bool_]) -> str:

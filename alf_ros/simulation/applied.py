@@ -145,6 +145,12 @@ class _Scene:
         """The effect that each load is for."""
         return [each for kind in self.kinds(self._model.layout) for each in kind.rubbing]
 
+    @cached_property
+    def loading(self) -> dict[str, str]:
+        joints = {each.name: each.joint.name for each in self._model.coordinates}
+        pairs = ((effect.label, loaded(effect)) for effect in self._rubbing)
+        return {label: joints[name] for label, name in pairs if name is not None}
+
     @property
     def load_count(self) -> int:
         count = len(self._rubbing) * self._model.layout.dimension
@@ -328,6 +334,11 @@ class Applied:
     def loads(self) -> Floats:
         """N, of each effect with friction, from the last solve for accelerations."""
         return self._scene.bearings.loads.copy()
+
+    @property
+    def loading(self) -> dict[str, str]:
+        """By label, the joint whose reaction is the load of an effect."""
+        return self._scene.loading
 
     @property
     def each(self) -> dict[str, Part]:

@@ -334,6 +334,17 @@ class Sample(Dynamics):
 
         return NamedValues(self.model.joint_names, reaction)
 
+    @kept
+    def open_loads(self) -> tuple[str, ...]:
+        """Effects, as in `powers`, whose friction follows a force that is one of many: so is the
+        motion."""
+        if not self._applied.loading or not self.diagnostics.redundant:
+            return ()
+        D, names = self.model.layout.dimension, self.model.joint_names
+        open_forces = self._open_components[:, :D].any(axis=1)
+        loading = self._applied.loading.items()
+        return tuple(label for label, joint in loading if open_forces[names.index(joint)])
+
     @property
     def _indeterminate(self) -> NDArray[np.bool_]:
         """(joints,) whether the reaction is one of many that balance."""

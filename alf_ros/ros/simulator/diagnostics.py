@@ -81,8 +81,8 @@ def solver(simulation: Simulation, state: str, failure: StepError | None) -> Rep
 def constraints(sample: Sample, closest: float = math.inf) -> Report:
     """Violations, and what the rows say of the position: rank and redundant rows.
 
-    WARN at a singular position, and when one was passed since the last report: `closest` is the
-    least distance since then.
+    WARN at a singular position, for friction under a load that is not unique, and when a singular
+    position was passed since the last report: `closest` is the least distance since then.
     """
     found = sample.diagnostics
     try:
@@ -102,6 +102,10 @@ def constraints(sample: Sample, closest: float = math.inf) -> Report:
     told = dict(zip(CONSTRAINTS, values, strict=True))
     if found.singular:
         message = 'singular position: the reactions are not unique here'
+        return Report('constraints', WARN, message, told)
+    if sample.open_loads:
+        names = ', '.join(sample.open_loads)
+        message = f'{names}: the load is one of many that balance, and so is the motion'
         return Report('constraints', WARN, message, told)
     if closest < near(sample.model):
         return Report('constraints', WARN, 'passed near a singular position', told)
