@@ -98,6 +98,7 @@ REFUSED = {
     'no joints': (message(STEP, names=()), 'no_value'),
     'nothing in it': (message(point(1.0)), 'no_value'),
     'velocities only': (message(point(1.0, velocities=[0.0])), 'no_value'),
+    'no velocities': (message(point(1.0, [1.0], accelerations=[1.0])), 'no_value'),
     'unknown joint': (message(STEP, names=['pni']), 'unknown_name'),
     'a joint twice': (message(point(1.0, [1.0, 1.0]), names=['pin', 'pin']), 'repeated_name'),
     'positions nobody follows': (message(STEP, names=['free']), 'not_controlled'),

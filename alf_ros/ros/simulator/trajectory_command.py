@@ -97,6 +97,10 @@ def read_trajectory(
                 raise Refused('wrong_length', f'joint_trajectory: {text}')
             if not all(map(math.isfinite, values)):
                 raise Refused('not_finite', f'joint_trajectory: point {n}: {field}')
+    for n, point in enumerate(points):
+        if point.accelerations and not point.velocities:
+            text = f'point {n}: accelerations without velocities'
+            raise Refused('no_value', f'joint_trajectory: {text}')
     positions = _given(points, 'positions')
     efforts = _given(points, 'effort')
     if not positions and not efforts:
@@ -123,7 +127,7 @@ def _given(points: Sequence[JointTrajectoryPoint], field: str) -> bool:
 
 
 def _knot(point: JointTrajectoryPoint, n: int) -> Knot:
-    """The values of the point for its n-th joint; an acceleration needs a velocity."""
+    """The values of the point for its n-th joint."""
     if not point.velocities:
         return (point.positions[n],)
     if not point.accelerations:
