@@ -34,7 +34,7 @@ _RADIUS = 0.01
 
 class _LinkJoint(NamedTuple):
     """One joint of the row of URDF joints that a joint is; `axis` (3,) in the frame of the joint
-    as drawn. mimics: its position is `value` times that of the joint of the same name."""
+    as drawn. mimics: its position is `value` times the position of the joint of the same name."""
 
     name: str
     type: str

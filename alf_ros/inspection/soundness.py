@@ -285,7 +285,7 @@ def _reactions(scene: Scene, usual: Linearised) -> Iterator[Answer]:
         yield Answer(OK, 'reactions', f'all determinate{shared}')
         return
     yield Answer(NOTE, 'reactions', f'not determined by {cause}: {_list(names)}')
-    open_forces = flags[:, : model.layout.dimension].any(axis=1)
+    open_forces = np.asarray(flags[:, : model.layout.dimension].any(axis=1))
     loads = {each.name: model.joint_names.index(each.joint.name) for each in model.coordinates}
     pairs = ((effect.label, loaded(effect)) for effect in scene.effects)
     rubbing = [label for label, name in pairs if name is not None and open_forces[loads[name]]]

@@ -15,7 +15,7 @@ import numpy as np
 
 from alf_ros.kernel import BallAngles, CutWork, Forces, JointCoordinates, Modes, Problem
 from alf_ros.model.compile import Model, allocate
-from alf_ros.model.constraints.ball_angles import ball_angles
+from alf_ros.model.constraints.ball_axes import ball_angles
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import begun
 from alf_ros.scene.scene import Solver

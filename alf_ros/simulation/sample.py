@@ -341,7 +341,7 @@ class Sample(Dynamics):
         if not self._applied.loading or not self.diagnostics.redundant:
             return ()
         D, names = self.model.layout.dimension, self.model.joint_names
-        open_forces = self._open_components[:, :D].any(axis=1)
+        open_forces = np.asarray(self._open_components[:, :D].any(axis=1))
         loading = self._applied.loading.items()
         return tuple(label for label, joint in loading if open_forces[names.index(joint)])
 

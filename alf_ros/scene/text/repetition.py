@@ -55,7 +55,7 @@ def name(entry: Entry, names: Mapping[str, float]) -> str:
 
 
 def check_name(name: str, entry: Entry) -> None:
-    """Refuse what is not the name of a thing. Raises InputError."""
+    """Refuse a name that nothing can have. Raises InputError."""
     if not NAME.fullmatch(name):
         expected = 'a letter, then letters, digits or _, 100 at most'
         raise entry.error('not a name', value=name, expected=expected)

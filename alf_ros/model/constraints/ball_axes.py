@@ -1,4 +1,4 @@
-"""Directions of which the angles of balls are made: those of the child on the parent."""
+"""The axes of the child on the parent, of which the angles of balls are made."""
 
 from __future__ import annotations
 
