@@ -14,7 +14,8 @@ from alf_ros.logs import load
 from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.setup import made
-from alf_ros.studies.identification.recording_reader import Topics, read_recording
+from alf_ros.studies.identification.recorded_names import Topics
+from alf_ros.studies.identification.recording_reader import read_recording
 from support.foreign_bags import Message, joints, wrench, written
 from support.log_files import Retold, rewritten
 from support.recordings import Machine, pushes, scene
