@@ -229,6 +229,11 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
     assert [e['solver']['penalty'] for e in (gravity, step, tick)] == [3e8] * 3
     assert (gravity['solver']['step'], step['solver']['step']) == (1e-3, 5e-4)
     assert compare(child).equal and child.states.t.tolist() == parent.states.t[50:].tolist()
+    moon = forked(
+        parent, tmp_path / 'moon', '--at', '0.1', '--set', 'gravity.acceleration=[0,-1.62]'
+    )
+    assert all(not e['effects'] for e in moon.inputs if e['kind'] == 'settings')
+    assert compare(moon).equal
 
 
 @pytest.mark.parametrize(
