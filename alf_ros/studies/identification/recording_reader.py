@@ -55,7 +55,7 @@ class _Reader:
         self._untimed = ''  # a topic of measurements without stamps
         self._unused: dict[str, None] = {}
         self._all: dict[str, str] = {}  # topic -> type
-        self._damage = ''
+        self._damage = log.absent(path, self._files)
 
     def recording(self) -> Recording:
         own = self._own_log()
@@ -216,8 +216,9 @@ class _Reader:
                     value=next(iter(self._unused)),
                     choices=self._simulation.model.coordinate_names,
                 )
+            damaged = f', which is damaged: {self._damage}' if self._damage else ''
             raise InputError(
-                'no positions of joints in this recording',
+                f'no positions of joints in this recording{damaged}',
                 file=str(self._path),
                 key='joints',
                 value=self._topics.joints,
