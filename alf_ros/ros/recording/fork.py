@@ -69,6 +69,14 @@ def fork(
     steps = steps_per_tick(1.0 / tick, simulation.h)
     rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
     end = log.end if duration is None else start + duration
+    if log.absent and end > log.end + 0.5 * tick:  # inputs in them may act there
+        raise InputError(
+            f'nothing is known of the later inputs: {log.absent}',
+            file=str(log.path),
+            key='--duration',
+            value=duration,
+            expected=f'at most {log.end - start:.9g} s',
+        )
     if shows_states(log):
         again = resume(log, at, trust)
         check_motion(log, again.rerun, again.rest, end)
