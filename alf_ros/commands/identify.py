@@ -18,7 +18,7 @@ from alf_ros.studies.identification.candidate_motion import candidates
 from alf_ros.studies.identification.design_runs import checked_duration
 from alf_ros.studies.identification.identification import identify
 from alf_ros.studies.identification.identified import check_folder
-from alf_ros.studies.identification.recording_reader import Topics
+from alf_ros.studies.identification.recorded_names import Topics
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -27,11 +27,11 @@ from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series, joined
 from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import Scene, effect_names, scene_from_text
+from alf_ros.scene.text import yaml_document
 
 _PART = re.compile(r'(.*?)(?:_(\d+))?\.mcap')
-_LISTED = re.compile(r'^ *relative_file_paths:\n((?: *- .*\n?)+)', re.MULTILINE)
+_BAG, _LISTED = 'rosbag2_bagfile_information', 'relative_file_paths'  # in a metadata.yaml
 _INPUTS = '~/inputs'
-_LARGEST_LIST = 16_000_000  # bytes of a metadata.yaml
 
 
 @dataclass(frozen=True)
@@ -194,16 +194,7 @@ class Log:
     def absent(self) -> str:
         """Whether files of a log of several are not there, by its metadata.yaml; '' if none is
         known to be. Such a log seems to be whole, if they are the last ones."""
-        try:
-            told = paths.head(self.path / 'metadata.yaml', _LARGEST_LIST).decode(
-                'utf-8', 'replace'
-            )
-        except InputError:  # one file, or a log that was cut off
-            return ''
-        listed = _LISTED.search(told)
-        count = listed[1].count('\n') if listed else 0
-        there = len(self.files)
-        return f'{count - there} of its {count} files are not there' if count > there else ''
+        return absent(self.path, self.files)
 
     # ------------------------------------------------------------------------------------- content
 
@@ -392,6 +383,21 @@ def parts(path: Path) -> list[Path]:
     if not found:
         raise InputError('no .mcap file in this folder', file=str(path))
     return found
+
+
+def absent(folder: Path, files: Sequence[Path]) -> str:
+    """Whether the metadata.yaml in a folder lists more files than are there, or cannot be read;
+    '' if not, and without one."""
+    path = folder / 'metadata.yaml'
+    if not os.path.isfile(path):  # of one file, or of a recording that was cut off
+        return ''
+    try:
+        bag = yaml_document.read(path).mapping((_BAG,), (_BAG,))[_BAG]
+        count = len(bag.mapping(required=(_LISTED,))[_LISTED].sequence())
+    except InputError as error:
+        return f'its metadata.yaml does not tell its files: {error.message}'
+    missing = count - len(files)
+    return f'{missing} of its {count} files are not there' if missing > 0 else ''
 
 
 def _number(path: Path) -> tuple[str, int]:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -107,6 +108,7 @@ def _numeric(
 ) -> Iterator[tuple[Series, Path]]:
     """Series of numbers and the file of each; a topic whose names change gets another file."""
     seen: dict[str, list[tuple[str, ...]]] = {}
+    stems = _stems(log.survey.counts)
     for piece in log.pieces(report=report):
         for series in piece:
             if series.type not in NUMERIC:
@@ -115,9 +117,18 @@ def _numeric(
             if series.names not in known:
                 known.append(series.names)
             number = known.index(series.names)
-            stem = series.topic.strip('/').replace('/', '_') + (f'_{number}' if number else '')
+            stem = stems[series.topic] + (f'-{number}' if number else '')
             topic = f'{series.topic}#{number}' if number else series.topic
             yield _renamed(series, topic), folder / f'{stem}{suffix}'
+
+
+def _stems(topics: Collection[str]) -> dict[str, str]:
+    """The name of a file for each topic. `/a/b_c` and `/a_b/c` differ in two underscores in a
+    row, which no name in ROS has."""
+    found = {topic: topic.strip('/').replace('/', '_') for topic in topics}
+    often = Counter(found.values())
+    twice = [topic for topic, stem in found.items() if often[stem] > 1]
+    return found | {topic: topic.strip('/').replace('/', '__') for topic in twice}
 
 
 def _renamed(series: Series, topic: str) -> Series:

@@ -21,7 +21,7 @@ _WITH: dict[str, tuple[str, ...]] = {
     'Models fitted to recordings': (
         'alf_ros.studies.identification.recording.MeasuredChannel',
         'alf_ros.studies.identification.recording.HeldInput',
-        'alf_ros.studies.identification.recording_reader.Topics',
+        'alf_ros.studies.identification.recorded_names.Topics',
         'alf_ros.studies.identification.window.Window',
         'alf_ros.studies.identification.window.Measurements',
         'alf_ros.studies.identification.identified.ChannelFit',

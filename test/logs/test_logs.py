@@ -336,6 +336,17 @@ def test_csv_reads_back_bit_for_bit(path, tmp_path):
         tables.to_csv(log, tmp_path / 'file')
 
 
+def test_topics_that_differ_in_a_slash_have_two_tables(path, tmp_path):
+    """Also beside a topic of the same letters."""
+    topics = {'/simulator/energy': '/simulator/b_c', '/joint_states': '/simulator_b/c'}
+    log = load(rewritten(path, tmp_path, rename=topics.get))
+    written = tables.to_csv(log, tmp_path / 'csv')
+    heads = {file.name: file.read_text().partition('\n')[0] for file in written}
+    assert len(heads) == len(written)
+    assert heads['simulator__b_c.csv'].strip() == 'stamp,t,data'
+    assert heads['simulator_b__c.csv'].startswith('stamp,t,position.crank_pin,')
+
+
 def test_frames_and_parquet_hold_the_same_numbers(path, tmp_path):
     pandas = pytest.importorskip('pandas')
     pytest.importorskip('pyarrow')

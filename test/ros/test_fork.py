@@ -13,6 +13,7 @@ from alf_ros.__main__ import main
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
 from alf_ros.logs.rerun import in_order, read_state
+from alf_ros.ros.recording.recorder import Split
 from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.scene.effect_values import with_effect_values
 from alf_ros.simulation import setup as settings
@@ -229,6 +230,11 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
     assert [e['solver']['penalty'] for e in (gravity, step, tick)] == [3e8] * 3
     assert (gravity['solver']['step'], step['solver']['step']) == (1e-3, 5e-4)
     assert compare(child).equal and child.states.t.tolist() == parent.states.t[50:].tolist()
+    moon = forked(
+        parent, tmp_path / 'moon', '--at', '0.1', '--set', 'gravity.acceleration=[0,-1.62]'
+    )
+    assert all(not e['effects'] for e in moon.inputs if e['kind'] == 'settings')
+    assert compare(moon).equal
 
 
 @pytest.mark.parametrize(
@@ -279,6 +285,16 @@ def test_inputs_that_are_not_the_ones_of_the_run_are_refused(parent, tmp_path, e
     error = capsys.readouterr().err
     assert said in error and error.count('\n') == 1
     assert not (tmp_path / 'new').exists()
+
+
+def test_inputs_in_a_file_that_is_not_there_are_not_passed_over(tmp_path, capsys):
+    path, _ = make(tmp_path, 'slider_crank', 400, push_at=350, split=Split(duration=0.2))
+    sorted(path.parent.glob('*.mcap'))[-1].unlink()
+    options = ['fork', str(path.parent), '--at', '0.5', '-o', str(tmp_path / 'new'), '--duration']
+    assert main([*options, '0.3']) == 2
+    said = capsys.readouterr().err
+    assert '1 of its 4 files are not there' in said and 'at most 0.1 s' in said
+    assert main([*options, '0.1']) == 0
 
 
 def test_what_is_there_is_not_written_over(parent, tmp_path, capsys):

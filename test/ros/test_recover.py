@@ -159,6 +159,12 @@ def test_a_file_that_is_not_there_is_said(tmp_path, capsys, place):
     assert main(['recover', str(path.parent)]) == 0
     said = capsys.readouterr().out
     assert 'lost: 1 of its 4 files are not there' in said and 'nothing was lost' not in said
+    told = path.parent / 'metadata.yaml'
+    document = yaml.safe_load(told.read_text())
+    told.write_text(yaml.safe_dump(document, default_flow_style=True))  # as another tool may do
+    assert load(path.parent).absent == '1 of its 4 files are not there'
+    told.write_text(told.read_text()[:-40])
+    assert 'its metadata.yaml does not tell its files: not YAML' in load(path.parent).absent
     missing = sum(log.survey.lost.values())
     assert (f'lost: {missing} messages before its end' in said) == (place == 1)
 

@@ -5,6 +5,7 @@ import json
 import signal
 import socket
 import threading
+from itertools import pairwise
 
 import pytest
 from rcl_interfaces.srv import SetParameters
@@ -139,6 +140,24 @@ INK = """(() => {
 })()"""  # dots with a colour: the arrows; lines and grid are grey
 
 
+OPTIONS = """(() => {
+    const stage = document.querySelector('.stage');
+    stage.style.width = '400px';
+    const ends = [...stage.querySelectorAll('label')].map((x) => x.getBoundingClientRect().right);
+    stage.style.width = '';
+    return Math.max(...ends) - stage.getBoundingClientRect().left;
+})()"""  # px, the farthest end in a stage of 400 px
+NUMBERS = """[...document.querySelector('.joint .numbers').children].map((part) => {
+    part.textContent = '-0.001185 rad/s';
+    return part;
+}).map((part) => {
+    const range = document.createRange();
+    range.selectNodeContents(part);
+    const {left, right} = range.getBoundingClientRect();
+    return [left, right];
+})"""
+
+
 @pytest.mark.skipif(not CHROMIUM, reason='no chromium here: apt install chromium')
 def test_the_page_shows_the_simulator_and_commands_it(tmp_path, peer):
     heard = peer.listen('joint_states', JointState)
@@ -170,6 +189,10 @@ def test_the_page_shows_the_simulator_and_commands_it(tmp_path, peer):
         page.until("document.querySelector('.reaction').textContent.endsWith(' N')")
         page.until('record.length > 10')
         page.screenshot(tmp_path / 'playing.png')
+        # texts have room: options on a phone, and long numbers beside each other
+        assert page.run(OPTIONS) <= 400
+        ends = page.run(NUMBERS)
+        assert all(end + 7.0 < begin for (_, end), (begin, _) in pairwise(ends))
 
         # pause stands still, step makes as many ticks as it says
         page.click('#pause')

@@ -160,6 +160,27 @@ def test_the_extremes_are_of_the_members_that_are_counted():
     assert (told.least, told.largest) == ((2.0, 1), (3.0, 2))
 
 
+@pytest.mark.filterwarnings('error')
+def test_numbers_that_are_far_apart_have_a_report():
+    """Their differences, and the squares of them, are beyond 64 bits."""
+    kept = {'end': 'final(energy)', 'path': 'energy'}
+    vary = {'w': [1.0, 2.0, 3.0]}
+    study = study_of(TURNING, vary, sampling='table', outputs=kept, duration=0.1, chunk=3)
+    chunk = run_chunk(study, 0)
+    wide = np.array([-1.7e308, 0.0, 1.7e308])
+    chunk.arrays['end'][:] = wide
+    chunk.arrays['path'][:] = wide[:, None]
+    statistics = Statistics(study)
+    statistics.add(chunk)
+    text = page(Progress(3, 3, 1, 0, 1.0, statistics), iter([chunk]))
+    assert '0 ± 1.7e+308 of 3 members' in text and 'nan' not in text and 'inf' not in text
+    told = statistics.summary('end')
+    assert told is not None and told.quantiles[1:4] == pytest.approx([-0.85e308, 0.0, 0.85e308])
+    statistics.numbers['end'][:] = 1e200, 2e200, 3e200
+    told = statistics.summary('end')
+    assert told is not None and told.deviation == pytest.approx(1e200)
+
+
 def test_the_report_says_of_how_many_points_and_members_it_is():
     """Each point of Sobol' indices has four members here; one of point 3 has failed."""
     study = study_of(

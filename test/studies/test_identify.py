@@ -297,6 +297,11 @@ GOOD = {'crank_pin': 0.785, 'guide': 1.414}
         (FIT, {'noise': {'crankpin': 1.0}}, "did you mean 'crank_pin'?"),
         (FIT, {'noise': {'crank_pin': 0.0}}, 'no standard deviation'),
         (FIT, {'bounds': {'crank.mass': (0, 1)}}, 'bounds: is not fitted'),
+        (
+            FIT,
+            {'delay': True, 'bounds': {'delay': (-5, 5)}},
+            'window: delays of up to 5 s leave too few measurements of a window',
+        ),
         (FIT, {'bounds': {'coupler.mass': (2, 3)}}, 'the scene begins outside the bounds'),
         (FIT, {'bounds': {'coupler.mass': (3, 2)}}, 'bounds.coupler.mass: not two numbers'),
         (FIT, {'priors': {'coupler.mass': 3}}, 'priors.coupler.mass: not two numbers'),

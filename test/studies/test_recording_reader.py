@@ -14,7 +14,8 @@ from alf_ros.logs import load
 from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.setup import made
-from alf_ros.studies.identification.recording_reader import Topics, read_recording
+from alf_ros.studies.identification.recorded_names import Topics
+from alf_ros.studies.identification.recording_reader import read_recording
 from support.foreign_bags import Message, joints, wrench, written
 from support.log_files import Retold, rewritten
 from support.recordings import Machine, pushes, scene
@@ -151,7 +152,9 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / 'sqlite').mkdir()
     (tmp_path / 'sqlite' / 'bag_0.db3').write_bytes(b'')
     (tmp_path / 'text.mcap').write_text('no bag')
+    (tmp_path / 'cut.mcap').write_bytes(b'')
     cases = [
+        (tmp_path / 'cut.mcap', None, 'recording, which is damaged: cut.mcap: cut off at byte 0'),
         (good, Topics('joints'), "joints: no positions of joints in this recording, got 'joints'"),
         (good, Topics(renamed={'pin': 'crank_pin'}), 'nothing of this name in the recording'),
         (good, Topics(renamed={'crank_pin': 'kne'}), "did you mean 'knee'?"),
@@ -169,6 +172,14 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
             read_recording(path, scene(), topics)
         assert expected in str(caught.value), path
         assert '\n' not in str(caught.value)
+
+
+def test_a_file_of_a_bag_that_is_not_there_is_said(tmp_path: Path) -> None:
+    """The inputs in it are not known."""
+    path = written(tmp_path / 'bag', [joints('/joint_states', NOW, ['guide'], position=[1.4])])
+    files = '{relative_file_paths: [bag_0.mcap, bag_1.mcap]}'
+    (path / 'metadata.yaml').write_text(f'rosbag2_bagfile_information: {files}')
+    assert read_recording(path, scene()).damage == '1 of its 2 files are not there'
 
 
 def _states(topic: str = '/joint_states', begin: int = NOW, angle: float = 0.7) -> list[Message]:

@@ -61,9 +61,10 @@ def rewritten(
     change: Change | None = None,
     record: Callable[[str, dict[str, str]], dict[str, str]] | None = None,
     name: str = 'rewritten_0.mcap',
+    rename: Callable[[str], str | None] = str,
 ) -> Path:
     """The log written by another writer; `change(topic, data)` may change or drop (None) data,
-    `record(name, texts)` the texts of a Metadata record."""
+    `record(name, texts)` the texts of a Metadata record; `rename(topic)` another name, if any."""
     target = folder / name
     with open(path, 'rb') as source, open(target, 'wb') as stream:
         reader = make_reader(source)
@@ -78,7 +79,10 @@ def rewritten(
                 assert schema is not None
                 id_ = writer.register_schema(schema.name, schema.encoding, schema.data)
                 channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, id_, channel.metadata
+                    rename(channel.topic) or channel.topic,
+                    channel.message_encoding,
+                    id_,
+                    channel.metadata,
                 )
             data = change(channel.topic, message.data) if change else message.data
             if data is not None:

@@ -22,7 +22,8 @@ from alf_ros.model.compile import Model
 from alf_ros.ros.recording.recorder import unused
 from alf_ros.ros.recording.run_writer import LogRun, ticks
 from alf_ros.scene import overrides
-from alf_ros.scene.scene import PICKED, joined
+from alf_ros.scene.effect_values import effect_values
+from alf_ros.scene.scene import PICKED, Scene, joined
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation import state_vector
 from alf_ros.simulation.observables import READINGS
@@ -61,12 +62,21 @@ def fork(
     before, steps = rerun.simulation, rerun.steps_per_tick
     tick, start = steps * before.h, before.t
     changed = {k.partition('.')[2] for k in changes if k.startswith('solver.')}
-    state = before.state
+    state, scene = before.state, rerun.scene
     if changes:
         state = _change(rerun, changes, changed)
     simulation = rerun.simulation
     steps = steps_per_tick(1.0 / tick, simulation.h)
+    rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
     end = log.end if duration is None else start + duration
+    if log.absent and end > log.end + 0.5 * tick:  # inputs in them may act there
+        raise InputError(
+            f'nothing is known of the later inputs: {log.absent}',
+            file=str(log.path),
+            key='--duration',
+            value=duration,
+            expected=f'at most {log.end - start:.9g} s',
+        )
     if shows_states(log):
         again = resume(log, at, trust)
         check_motion(log, again.rerun, again.rest, end)
@@ -91,7 +101,7 @@ def fork(
     )
     try:
         run.send()
-        for t in ticks(run, rerun, _kept(resumed.rest, rerun, changed), end):
+        for t in ticks(run, rerun, rest, end):
             report((t - start) / max(end - start, t - start))
     finally:
         run.close()
@@ -153,8 +163,17 @@ def _angles(model: Model, q: Floats, state: State) -> Floats:
     return angles
 
 
-def _kept(rest: list[dict[str, Any]], rerun: Rerun, changed: set[str]) -> list[dict[str, Any]]:
-    """Settings to come do not take back what the fork has changed."""
+def _other_values(before: Scene, after: Scene) -> set[str]:
+    """The names of the numbers of effects that differ in two scenes."""
+    known = {name: each.value for name, each in effect_values(before).items()}
+    return {name for name, each in effect_values(after).items() if known.get(name) != each.value}
+
+
+def _kept(
+    rest: list[dict[str, Any]], rerun: Rerun, changed: set[str], effects: set[str]
+) -> list[dict[str, Any]]:
+    """Settings to come do not take back what the fork has changed: these fields of the solver and
+    numbers of effects."""
     solver = dataclasses.asdict(rerun.simulation.solver)
     if not changed.isdisjoint(('accuracy', *PICKED)):
         changed = changed.union(('accuracy', *PICKED))
@@ -165,5 +184,7 @@ def _kept(rest: list[dict[str, Any]], rerun: Rerun, changed: set[str]) -> list[d
             tick = entry['steps_per_tick'] * entry['solver']['step']
             entry = {**entry, 'solver': {**entry['solver'], **own}}
             entry['steps_per_tick'] = steps_per_tick(1.0 / tick, entry['solver']['step'])
+            left = {key: x for key, x in entry['effects'].items() if key not in effects}
+            entry['effects'] = left
         kept.append(entry)
     return kept

@@ -14,6 +14,7 @@ from alf_ros.studies.ensemble.study import Study
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 _FEWEST = 8  # points from which indices are estimated
+_HUGE = 1e100
 
 
 @dataclass(frozen=True)
@@ -89,11 +90,13 @@ class Statistics:
             return None
         members = np.flatnonzero(np.isfinite(values))
         low, high = int(members[there.argmin()]), int(members[there.argmax()])
+        unit = _unit(there)
+        there = there / unit
         return NumberSummary(
             there.size,
-            float(there.mean()),
-            float(there.std(ddof=1)) if there.size > 1 else 0.0,
-            tuple(np.quantile(there, QUANTILES).tolist()),
+            float(there.mean()) * unit,
+            float(there.std(ddof=1)) * unit if there.size > 1 else 0.0,
+            tuple((np.quantile(there, QUANTILES) * unit).tolist()),
             (float(values[low]), low),
             (float(values[high]), high),
         )
@@ -103,6 +106,7 @@ class Statistics:
         from scipy import stats
 
         values = self.numbers[name]
+        values = values / _unit(values[np.isfinite(values)])
         first, total, points = self._indices(values)
         found = []
         for n, parameter in enumerate(self.study.samples.names):
@@ -136,6 +140,12 @@ class Statistics:
         )
         first, total = np.ravel(told.first_order), np.ravel(told.total_order)
         return first.tolist(), total.tolist(), n
+
+
+def _unit(values: Floats) -> float:
+    """A power of 2 in which the squares of values are within 64 bits: 1 but for huge ones."""
+    largest = float(np.abs(values).max(initial=0.0))
+    return 1.0 if largest < _HUGE else math.ldexp(0.5, math.frexp(largest)[1])
 
 
 def _weight(of: Influence) -> float:

@@ -32,12 +32,10 @@ class _Frame:
             self._parts.append(text)
 
     def x(self, value: float) -> float:
-        low, high = self._x
-        return _LEFT + (value - low) / (high - low) * (_WIDTH - _LEFT - _RIGHT)
+        return _LEFT + _along(value, *self._x) * (_WIDTH - _LEFT - _RIGHT)
 
     def y(self, value: float) -> float:
-        low, high = self._y
-        return _HEIGHT - _BOTTOM - (value - low) / (high - low) * (_HEIGHT - _TOP - _BOTTOM)
+        return _HEIGHT - _BOTTOM - _along(value, *self._y) * (_HEIGHT - _TOP - _BOTTOM)
 
     def add(self, part: str) -> None:
         self._parts.append(part)
@@ -58,6 +56,12 @@ class _Frame:
         )
 
 
+def _along(value: float, low: float, high: float) -> float:
+    """How far along a range a value is, from 0 to 1. Of halves: a difference of numbers may be too
+    large for 64 bits."""
+    return (0.5 * value - 0.5 * low) / (0.5 * high - 0.5 * low)
+
+
 def _widened(low: float, high: float) -> tuple[float, float]:
     """A range that is one."""
     room = 1e-12 * max(abs(low), abs(high)) or 1.0
@@ -67,7 +71,9 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 def histogram(title: str, values: Floats) -> str:
     """How many members have which value; (members,), finite."""
     low, high = _widened(float(values.min()), float(values.max()))
-    counts, edges = np.histogram(values, bins=min(40, max(5, values.size // 5)), range=(low, high))
+    bins, halves = min(40, max(5, values.size // 5)), (0.5 * low, 0.5 * high)
+    counts, edges = np.histogram(0.5 * values, bins=bins, range=halves)
+    edges = 2.0 * edges
     frame = _Frame(title, (low, high), (0.0, float(counts.max())))
     for count, left, right in zip(counts, edges[:-1], edges[1:], strict=True):
         x, y = frame.x(left), frame.y(float(count))
@@ -81,7 +87,7 @@ def histogram(title: str, values: Floats) -> str:
 def fan(title: str, t: Floats, values: Floats) -> str:
     """Over t (s): the median, and bands with a half and with nine tenths of the members; values
     (members, t), of which each column has finite ones."""
-    bands = np.nanquantile(values, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
+    bands = 2.0 * np.nanquantile(0.5 * values, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
     spread = (float(bands.min()), float(bands.max()))
     frame = _Frame(title, (float(t[0]), float(t[-1])), spread)
     for low, high, kind in ((0, 4, 'wide'), (1, 3, 'narrow')):

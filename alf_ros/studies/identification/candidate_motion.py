@@ -15,8 +15,9 @@ from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.studies.identification.recorded_names import Topics
 from alf_ros.studies.identification.recording import Recording
-from alf_ros.studies.identification.recording_reader import Topics, read_recording
+from alf_ros.studies.identification.recording_reader import read_recording
 
 Candidate: TypeAlias = str | Path | Scene | Recording | Mapping[str, Any]
 _COMMA = re.compile(r',(?![^\[{]*[\]}])')  # outside of brackets

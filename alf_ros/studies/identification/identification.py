@@ -26,8 +26,9 @@ from alf_ros.studies.identification.least_squares_fit import (
     solve,
 )
 from alf_ros.studies.identification.posture_track import PostureTrack
+from alf_ros.studies.identification.recorded_names import Topics
 from alf_ros.studies.identification.recording import MeasuredChannel, Recording
-from alf_ros.studies.identification.recording_reader import Topics, read_recording
+from alf_ros.studies.identification.recording_reader import read_recording
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.shared_numbers import (
     DELAY,

@@ -18,8 +18,8 @@ from alf_ros.studies.identification.candidate_motion import candidates as read_c
 from alf_ros.studies.identification.design_runs import DesignRuns, checked_duration
 from alf_ros.studies.identification.experiment_design import ExperimentDesign, ordered, untold
 from alf_ros.studies.identification.identifiability import Combination, Knowledge
+from alf_ros.studies.identification.recorded_names import Topics
 from alf_ros.studies.identification.recording import Recording
-from alf_ros.studies.identification.recording_reader import Topics
 from alf_ros.studies.identification.residual_tests import Whiteness
 from alf_ros.studies.identification.shared_numbers import LONGEST_DELAY
 from alf_ros.studies.identification.window import Window

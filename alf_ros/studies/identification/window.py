@@ -107,6 +107,14 @@ def _cut(
     for k in range(count):  # a stamp that is years away makes many: the first empty one ends it
         first, last = (begin + round(n * (end - begin) / count) for n in (k, k + 1))
         measured = _measured(channels, first * h, last * h, margin, k == count - 1)
+        if not measured and _measured(channels, first * h, last * h, 0.0, k == count - 1):
+            raise InputError(
+                f'delays of up to {margin:g} s leave too few measurements of a window',
+                file=recording.name,
+                key='window',
+                value=f'{(last - first) * h:.6g} s',
+                expected=f'more than {2.0 * margin:g} s, or narrower bounds of the delay',
+            )
         if not measured:
             raise InputError(
                 f'too few measurements in a window, from t = {first * h:.6g} s on',

@@ -185,16 +185,17 @@ class Timeline {
     const {pen, width, height} = sheet(this.area.canvas);
     if (!width) return;
     drawTimeAxis(pen, width, height);
-    this.rows.forEach((row, n) => {
-      const y = MARGIN.top + 15 * n + 3;
+    const within = (draw) => {
       pen.save();
       pen.beginPath();
-      pen.rect(MARGIN.left, 0, width - MARGIN.left - MARGIN.right + 1, height);
+      pen.rect(MARGIN.left - 1, 0, width - MARGIN.left - MARGIN.right + 2, height);
       pen.clip();
-      if (row.kind === 'level') this.drawLevels(pen, row, y, width);
-      if (row.kind === 'passes') this.drawPasses(pen, row.passes, y, width);
-      if (row.kind === 'orders') this.drawMarks(pen, row.t, y, width, colors.applied);
+      draw();
       pen.restore();
+    };
+    this.rows.forEach((row, n) => {
+      const y = MARGIN.top + 15 * n + 3;
+      if (row.kind === 'level') within(() => this.drawLevels(pen, row, y, width));
       pen.font = '11px system-ui, sans-serif';
       pen.fillStyle = colors.faint;
       pen.textAlign = 'left';
@@ -208,6 +209,9 @@ class Timeline {
         pen.fillStyle = colors.faint;
       }
       pen.fillText(row.label, 4, y + 8);
+      // Marks are thin: over a long label, which would hide the first ones.
+      if (row.kind === 'passes') within(() => this.drawPasses(pen, row.passes, y, width));
+      if (row.kind === 'orders') within(() => this.drawMarks(pen, row.t, y, width, colors.applied));
     });
   }
 

@@ -90,7 +90,7 @@ class Area {
 function ticks(low, high, count) {
   const step = niceStep((high - low) / count || 1);
   const found = [];
-  for (let n = Math.ceil(low / step); n * step <= high * (1 + 1e-12) && found.length < 50; n++) found.push(n * step);
+  for (let n = Math.ceil(low / step); n * step <= high + 1e-9 * step && found.length < 50; n++) found.push(n * step);
   return {step, found};
 }
 
@@ -257,20 +257,21 @@ class Plot {
       ? ticks(scale.low, scale.high, Math.min(4, scale.high - scale.low))
       : ticks(scale.low, scale.high, 4);
     // Ticks that differ in late digits are told from the middle one: 13.6034, +2e-5, +4e-5.
-    const base = !this.panel.log && step < 1e-5 * Math.max(Math.abs(scale.low), Math.abs(scale.high)) ? found[found.length >> 1] : 0;
+    const middle = found.length >> 1;
+    const base = !this.panel.log && step < 1e-5 * Math.max(Math.abs(scale.low), Math.abs(scale.high)) ? found[middle] : 0;
     pen.strokeStyle = colors.grid;
     pen.fillStyle = colors.faint;
     pen.textAlign = 'right';
     pen.beginPath();
-    for (const value of found) {
-      if (this.panel.log && Math.abs(value - Math.round(value)) > 1e-9) continue;
+    found.forEach((value, n) => {
+      if (this.panel.log && Math.abs(value - Math.round(value)) > 1e-9) return;
       const place = y(this.panel.log ? 10 ** value : value);
       pen.moveTo(MARGIN.left, place);
       pen.lineTo(width - MARGIN.right, place);
-      const offset = `${value > base ? '+' : '−'}${shortly(Math.abs(value - base), step)}`;
-      const told = base ? (value === base ? base.toPrecision(6) : offset) : shortly(value, step);
+      const offset = `${n > middle ? '+' : '−'}${shortly(Math.abs(n - middle) * step, step)}`;
+      const told = base ? (n === middle ? base.toPrecision(6) : offset) : shortly(value, step);
       pen.fillText(this.panel.log ? `1e${Math.round(value)}` : told, MARGIN.left - 5, place + 4);
-    }
+    });
     pen.stroke();
   }
 
