@@ -18,11 +18,11 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 
 
 def joint_state(posture: Posture, stamp: Time, moving: bool) -> JointState:
-    """All joint coordinates; velocities if `moving`: the input had them."""
+    """All joint coordinates; velocities if `moving`, the input had them, and they exist."""
     message = JointState(name=list(posture.model.coordinate_names))
     message.header.stamp = stamp
     message.position = posture.joint_positions.tolist()
-    if moving:
+    if moving and np.isfinite(posture.joint_velocities).all():
         message.velocity = posture.joint_velocities.tolist()
     return message
 
