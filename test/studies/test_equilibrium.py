@@ -243,8 +243,40 @@ def test_a_drive_that_accelerates_loads_nothing_at_rest() -> None:
     np.testing.assert_allclose(found.reactions['pin'].force, [0.0, 9.81], atol=1e-12)
     np.testing.assert_allclose(found.sample.drive_efforts['shake'], [0.0, 2 * 9.81], atol=1e-12)
     for model in (linearise(found), linearise(scene)):
-        np.testing.assert_allclose(model.A, [[0, 1], [-1.5 * 9.81, 0]], atol=1e-11)
+        np.testing.assert_allclose(model.A, [[0.0, 1.0], [-1.5 * 9.81, 0.0]], atol=1e-11)
         assert model.notes == ('drives are frozen at t = 0 s',)
+
+
+@pytest.mark.parametrize('force', [-5.0, 3.0])
+def test_reactions_that_cancel_leave_a_folded_mechanism_neutral(force: float) -> None:
+    """Two bars lie on each other and turn as one; a push on the slider does no work there, and the
+    forces of the bars on the knee cancel."""
+    bar = {'mass': 1, 'inertia': 'rod', 'length': 1}
+    line = {'through': [0, 0], 'direction': [1, 0]}
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {
+                    'O': {'at': [0, 0], 'fixed': True},
+                    'A': {'at': ['cos(1.2)', 'sin(1.2)']},
+                    'B': {'at': [0, 0]},
+                },
+                'bodies': {
+                    'crank': {'points': ['O', 'A'], **bar},
+                    'rod': {'points': ['A', 'B'], **bar},
+                },
+                'joints': {
+                    'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+                    'knee': {'type': 'revolute', 'between': ['crank', 'rod'], 'at': 'A'},
+                    'guide': {'type': 'slider', 'point': 'B', 'on': line},
+                },
+            },
+            'effects': {'constant_wrench': {'on': 'B', 'force': [force, 0]}},
+        }
+    )
+    found = equilibrium(scene)
+    assert (found.stability, found.stiffness.tolist(), found.notes) == ('neutral', [0.0], ())
 
 
 def test_a_belt_stands_still_at_rest_and_a_note_says_so() -> None:
