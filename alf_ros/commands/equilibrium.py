@@ -6,7 +6,7 @@ import json
 from argparse import Namespace
 from collections.abc import Sequence
 
-from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.commands.parser import Parser, add_numbers, numbers, refuse_given, writing
 from alf_ros.errors import InputError
 from alf_ros.scene.library import load
 from alf_ros.scene.scene import Scene
@@ -35,23 +35,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--starts',
         type=int,
-        default=0,
         metavar='N',
         help='also search from N random positions, and list all positions of rest found',
     )
-    parser.add_argument(
-        '--seed', type=int, default=0, help='seed of the random positions (default: 0)'
-    )
+    parser.add_argument('--seed', type=int, help='seed of the random positions (default: 0)')
     add_numbers(parser)
     parser.add_argument('--json', metavar='FILE', help='also write all numbers to this file')
     _add_path(parser)
     options = parser.parse_args(argv)
+    _refuse_others(options)
     scene = load(options.scene, numbers(options.set))
     with parser.naming(t='--at', start='--from', end='--to'):
         if options.over is not None:
             return _follow(scene, options)
-        if options.starts:
-            found = equilibria(scene, starts=options.starts, seed=options.seed, t=options.at)
+        if options.starts is not None:
+            found = equilibria(scene, starts=options.starts, seed=options.seed or 0, t=options.at)
         else:
             found = (equilibrium(scene, t=options.at, nearest=options.nearest),)
     print('\n\n'.join(report(each) for each in found))
@@ -59,6 +57,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
             json.dump([as_data(each) for each in found], stream, indent=1)
     return 0
+
+
+def _refuse_others(options: Namespace) -> None:
+    """Raises InputError for options of another search."""
+    if options.over is not None:
+        others = ('starts', 'seed', 'json')
+        return refuse_given(options, others, 'has no meaning with --over')
+    path = ('to', 'begin', 'back', 'branches', 'csv', 'picture', 'show')
+    refuse_given(options, path, 'has no meaning without --over', begin='from')
+    if options.starts is not None:
+        return refuse_given(options, ('nearest',), 'has no meaning with --starts')
+    return refuse_given(options, ('seed',), 'has no meaning without --starts')
 
 
 def _add_path(parser: Parser) -> None:

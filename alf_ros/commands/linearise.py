@@ -102,7 +102,8 @@ def _table(model: LinearModel) -> str:
     lines += ['', f'{"mode":>4}{"frequency, Hz":>18}{"damping ratio":>18}']
     each = zip(model.frequencies, model.damping_ratios, strict=True)
     lines += [f'{k:>4}{f:>18.9g}{z + 0.0:>18.9g}' for k, (f, z) in enumerate(each, 1)]
-    if model.inputs and model.outputs and np.linalg.cond(model.A) < 1e12:
+    settles = not model.A.size or np.linalg.cond(model.A) < 1e12
+    if model.inputs and model.outputs and settles:
         gain = model.D - model.C @ np.linalg.solve(model.A, model.B)
         lines += ['', 'steady output for a unit of each input:']
         width = max(map(len, model.outputs)) + 2

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Sequence
 
-from alf_ros.commands.parser import Parser, add_numbers, numbers, pairs, writing
+from alf_ros.commands.parser import Parser, add_numbers, numbers, pairs, refuse_given, writing
 from alf_ros.errors import InputError
 from alf_ros.scene.library import load
 from alf_ros.scene.scene import Scene
@@ -43,7 +43,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--rate',
         type=float,
-        default=100.0,
         metavar='HZ',
         help='instants per second (default: 100)',
     )
@@ -66,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         'NAME=LEAST:MOST; the t of the drives is then the parameter of the path',
     )
     parser.add_argument(
-        '--pieces', type=int, default=1000, metavar='N', help='pieces of the path (default: 1000)'
+        '--pieces', type=int, metavar='N', help='pieces of the path (default: 1000)'
     )
     add_numbers(parser)
     parser.add_argument(
@@ -91,18 +90,25 @@ def _history(scene: Scene, options: argparse.Namespace) -> LoadHistory:
     if options.limits:
         if options.actuators:
             raise InputError('the limits name the actuators', key='--actuators')
+        refuse_given(options, ('rate', 'weights'), 'has no meaning with --limits')
         run = fastest(
             scene,
             _limits(options.limits),
             length=duration,
-            pieces=options.pieces,
+            pieces=1000 if options.pieces is None else options.pieces,
             without=options.without,
         )
         print(f'the fastest run takes {run.duration:.9g} s')
         for name, part in run.limited_by.items():
             print(f'  {name} is at a limit for {part:.1%} of the time')
         return run.loads
-    rate = number(options.rate, '--rate', 0.0)
+    refuse_given(options, ('pieces',), 'has no meaning without --limits')
+    rate = number(100.0 if options.rate is None else options.rate, '--rate', 0.0)
+    if duration and not round(duration * rate):
+        expected = f'{1.0 / duration:g} or more'
+        raise InputError(
+            'no instant behind the first', key='--rate', value=rate, expected=expected
+        )
     if duration * rate > _MOST:
         raise InputError(f'more than {_MOST} instants', key='--duration', value=duration)
     count = whole(round(duration * rate), '--duration', 1)

@@ -167,6 +167,17 @@ def writing_into(folder: str) -> Iterator[Path]:
         yield path
 
 
+def refuse_given(
+    options: argparse.Namespace, names: Iterable[str], why: str, **typed: str
+) -> None:
+    """Raises InputError for the first of these options, None, False or [] by default, that was
+    given; `typed`: the options that have another name than their value."""
+    for name in names:
+        value = getattr(options, name)
+        if value is not None and value is not False and value != []:
+            raise InputError(why, key=f'--{typed.get(name, name)}')
+
+
 @contextmanager
 def writing(option: str, path: str | Path) -> Iterator[None]:
     """Raises InputError that names the option and its path where the block raises OSError."""

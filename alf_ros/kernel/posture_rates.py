@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from alf_ros.arrays import Floats
 from alf_ros.kernel.augmented_solve import augmented
 from alf_ros.kernel.constraints import times_jacobian
@@ -16,6 +18,8 @@ from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.posture_newton import read
 
 _ROUNDS = 100
+_MET = 1e-6  # of the rates given, by which rates may miss them
+_ROUNDED = 1e-12  # of all rates, that is rounding
 
 
 @compiled
@@ -48,25 +52,43 @@ def _solve(closing: Closing, given: Floats, guess: Floats, speed: float) -> None
     augmented(unit, system, work, work.p, work.qd, Until(_ROUNDS, 1e-15, 1.0))
 
 
+@inner
+def _are_met(closing: Closing, given: Floats) -> bool:
+    """Whether the q̇ in `work` has these rates (active,), which no q̇ may have in a dead point.
+    `rates` are then the rates of all joint coordinates."""
+    read(closing, closing.q, closing.turns)
+    size, missed, asked, largest = closing.tight.size, 0.0, 0.0, 0.0
+    for k in range(closing.rates.size):
+        largest = max(largest, abs(closing.rates[k]))
+    for n in range(given.size):
+        length = size if closing.is_angle[n] != 0 else 1.0
+        missed = max(missed, length * abs(closing.rates[closing.active[n]] - given[n]))
+        asked = max(asked, length * abs(given[n]))
+    return missed <= _MET * asked + _ROUNDED * max(1.0, size) * largest
+
+
 @compiled
-def rates_at(closing: Closing, given: Floats, speed: float, qd: Floats) -> None:
-    """q̇ (blocks D,) from rates (active,), rad/s or m/s, with the factor at the posture.
+def rates_at(closing: Closing, given: Floats, speed: float, qd: Floats) -> bool:
+    """q̇ (blocks D,) from rates (active,), rad/s or m/s, with the factor at the posture; returns
+    whether a q̇ has these rates.
 
     speed: calls per second, for the guess from the motion so far; 0: no guess. A direction that
     the rows do not determine, as in a dead point, keeps the guess.
     """
     _solve(closing, given, closing.rate, speed)
     copy(closing.work.qd, qd)
+    return _are_met(closing, given)
 
 
 @compiled
 def rate_matrix(closing: Closing, given: Floats, matrix: Floats) -> None:
     """∂x/∂x_a, (active, joint coordinates) flat: the rates of all joint coordinates as one active
-    coordinate moves at unit speed and the others rest. `given` (active,): to write in."""
+    coordinate moves at unit speed and the others rest, NaN where nothing moves so. `given`
+    (active,): to write in."""
     for n in range(given.size):
         for k in range(given.size):
             given[k] = 1.0 if k == n else 0.0
         _solve(closing, given, closing.rate, 0.0)
-        read(closing, closing.q, closing.turns)
+        met = _are_met(closing, given)
         for k in range(closing.rates.size):
-            matrix[n * closing.rates.size + k] = closing.rates[k]
+            matrix[n * closing.rates.size + k] = closing.rates[k] if met else np.nan

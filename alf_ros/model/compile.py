@@ -14,7 +14,18 @@ from alf_ros import columns
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
-from alf_ros.kernel import Chart, Integrals, Rows, Soft, StepEnd, System, Trail, Watch, Work
+from alf_ros.kernel import (
+    Chart,
+    Integrals,
+    Prescribed,
+    Rows,
+    Soft,
+    StepEnd,
+    System,
+    Trail,
+    Watch,
+    Work,
+)
 from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
@@ -90,6 +101,10 @@ class Model:
         if system.prescribed.program.size == 0:
             return self
         return replace(self, system=replace(system, prescribed=copy(system.prescribed)))
+
+    def standing(self) -> Model:
+        """The same, in which all that moves as a function of time stays where q has it."""
+        return replace(self, system=replace(self.system, prescribed=Prescribed.empty()))
 
     @property
     def unit(self) -> Unit:

@@ -97,13 +97,13 @@ def samples_of(duration: float, period: float) -> int:
     return math.floor(duration / period + CLOSE)
 
 
-def times(given: Any, now: float, h: float) -> tuple[float, ...]:
+def times(given: Any, now: float, h: float, key: str = 'at') -> tuple[float, ...]:
     """Instants (s) that ascend from now on, for steps of h (s). Raises InputError."""
-    listed, before = numbers(given, 'at', largest=MOST_STEPS * h), now - CLOSE * h
+    listed, before = numbers(given, key, largest=MOST_STEPS * h), now - CLOSE * h
     for t in listed:
         if t < before:
             raise InputError(
-                'lies in the past', key='at', value=t, expected='times that ascend from now on'
+                'lies in the past', key=key, value=t, expected='times that ascend from now on'
             )
         before = t
     return listed

@@ -17,6 +17,7 @@ from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.kernel import Phase, Status, Watch
 from alf_ros.mechanism.form_of_rows import form_of, whole_form
+from alf_ros.model.compile import Model
 from alf_ros.model.singular_branches import Branch, Position
 from alf_ros.resources import version
 from alf_ros.scene.scene import Scene, Solver, joined
@@ -261,8 +262,16 @@ class Simulation:
             self._watcher.recall(saved['watcher'])
 
     def __copy__(self) -> Simulation:
+        return self._of(self._start.model.apart())
+
+    def _standing(self) -> Simulation:
+        """A copy in which drives and moving surfaces stay where a state has them."""
+        return self._of(self._start.model.standing())
+
+    def _of(self, model: Model) -> Simulation:
+        """A copy with a model of the same coordinates."""
         saved = self.__getstate__()
-        start = saved['start'] = replace(self._start, model=self._start.model.apart())
+        start = saved['start'] = replace(self._start, model=model)
         if saved['formulation'] is not None:
             saved['formulation'] = saved['formulation'].apart(start.model)
         other = type(self).__new__(type(self))

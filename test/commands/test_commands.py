@@ -222,11 +222,32 @@ def test_a_value_given_twice_is_refused(line: str, said: str, capsys) -> None:
         ('linearise pendulum --period=-1', '--period: not usable'),
         ('loads wiper --duration 1 --weights foo=1', '--weights: no such actuator'),
         ('atlas four_bar --over crank_pin --hold crank_pin=x', '--hold: not a number by name'),
+        ('loads wiper --duration 1 --limits foo=1', '--limits: no such quantity'),
+        ('loads wiper --duration 1 --rate 0', '--rate: no instant behind the first'),
+        ('equilibrium pendulum --to 0', '--to: has no meaning without --over'),
+        ('equilibrium pendulum --from 0', '--from: has no meaning without --over'),
+        ('equilibrium pendulum --csv path.csv', '--csv: has no meaning without --over'),
+        ('equilibrium pendulum --branches', '--branches: has no meaning without --over'),
+        ('equilibrium pendulum --over t --to 1 --starts 9', '--starts: has no meaning with'),
+        ('equilibrium pendulum --starts 9 --nearest', '--nearest: has no meaning with --starts'),
+        ('equilibrium pendulum --seed 0', '--seed: has no meaning without --starts'),
+        ('loads wiper --duration 1 --pieces 9', '--pieces: has no meaning without --limits'),
+        ('loads wiper --duration 1 --limits a=1 --rate 9', '--rate: has no meaning with --limits'),
+        ('linearise pendulum -o no/folder/x.mat', '--output: No such file'),
     ],
 )
 def test_errors_name_options_as_typed(line: str, said: str, capsys) -> None:
     assert program.main(line.split()) == 2
     assert said in one_line(capsys.readouterr().err)
+
+
+@pytest.mark.parametrize('line', ['modes', 'linearise --inputs crank_pin.effort'])
+def test_where_nothing_is_free_there_are_no_modes(line: str, tmp_path: Path, capsys) -> None:
+    scene = tmp_path / 'held.yaml'
+    scene.write_text('{mechanism: four_bar, drives: {d: {joint: crank_pin, angle: 1 + t}}}')
+    name, *others = line.split()
+    assert program.main([name, str(scene), *others]) == 0
+    assert 'drives are frozen at t = 0 s' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('name', ['check', 'ensemble', 'optimise', 'verify', 'import'])

@@ -12,13 +12,15 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import ListParameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from alf_ros import InputError
+from alf_ros import Closure, InputError
 from alf_ros.ros.closing.active_input import ActiveInput, renamed
+from alf_ros.ros.closing.closing_messages import joint_state
 from support.forked import ended, started
 from support.paths import ROOT
 from support.ros_node import LIMIT, SPEAKS, START_LIMIT, Peer, stacks
@@ -244,6 +246,13 @@ def test_partial_messages_keep_the_last_values() -> None:
     )
     assert (found.positions, found.rates) == ({'a': 1.0, 'b': 5.0}, {'a': 3.0})
     assert found.missing == [] and heard().missing == ['b', 'a']
+
+
+def test_a_message_has_no_velocities_where_none_exist() -> None:
+    closure = Closure('slider_crank', ['guide'])
+    for place, count in ((1.9, 3), (2.1, 0)):
+        posture = closure.close({'guide': place}, rates={'guide': 0.5})
+        assert len(joint_state(posture, Time(), True).velocity) == count
 
 
 @pytest.mark.parametrize(('pairs', 'said'), [

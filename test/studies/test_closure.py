@@ -144,6 +144,22 @@ def test_out_of_reach_the_nearest_posture(slider: Closure) -> None:
     assert posture.closed_to < 1e-12
 
 
+def test_no_velocity_is_told_where_none_exists(slider: Closure) -> None:
+    """In a dead point the slider cannot continue; a milliradian before it the crank is fast."""
+    slider.restart()
+    for angle in (*np.arange(0.7, 0.0, -0.05), 1e-3):
+        posture = slider.close({'guide': float(stroke(angle))}, rates={'guide': 0.5})
+    angle = posture.joints['pin']
+    across = math.sqrt(L**2 - (R * math.sin(angle)) ** 2)
+    slope = -R * math.sin(angle) * (1.0 + R * math.cos(angle) / across)
+    assert posture.joint_rates['pin'] == pytest.approx(0.5 / slope, rel=1e-6)
+    assert posture.rates[[0, 2], 0].tolist() == pytest.approx([1 / slope, 1.0], rel=1e-6)
+    posture = slider.close({'guide': R + L + 0.01}, rates={'guide': 0.5})
+    assert np.isnan(posture.joint_velocities).all() and np.isnan(posture.rates).all()
+    posture = slider.close({'guide': R + L + 0.02}, rates={'guide': 0.0})
+    assert posture.joint_rates['guide'] == 0.0
+
+
 @pytest.mark.parametrize('noise', [0.0, 1e-5, 1e-4])
 def test_values_that_come_back_from_out_of_reach_are_met(noise: float) -> None:
     """Beyond the dead point by little or much, in one call or more, then back."""

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from alf_ros import InputError, Simulation, equilibria, equilibrium, load_scene, modes
+from alf_ros import (
+    InputError,
+    Simulation,
+    equilibria,
+    equilibrium,
+    linearise,
+    load_scene,
+    modes,
+)
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.statics import descent, newton_rest
 from support.some_scenes import LONG
@@ -211,6 +219,100 @@ def test_drives_are_frozen_at_the_instant_asked_for() -> None:
     np.testing.assert_allclose(found.points['B'], elbow - [0.0, 0.8], atol=1e-12)
     assert found.stiffness[0] == pytest.approx(1.5 * 9.81 / 0.8, rel=1e-11)
     assert found.t == 1.0 and 'drives are frozen at t = 1 s' in found.notes
+
+
+def test_a_drive_that_accelerates_loads_nothing_at_rest() -> None:
+    """Where it is frozen it is accelerated by 9 g: more than holds the pendulum down."""
+    pin = {'type': 'revolute', 'between': ['cart', 'bar'], 'at': 'P'}
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'P': {'at': [0, 0.1]}, 'B': {'at': [0, -0.9]}},
+                'bodies': {
+                    'cart': {'points': ['P'], 'mass': 1, 'inertia': 'point'},
+                    'bar': {'points': ['P', 'B'], 'mass': 1, 'inertia': 'rod'},
+                },
+                'joints': {'pin': pin},
+                'drives': {'shake': {'point': 'P', 'at': [0, '0.1*cos(30*t)']}},
+            },
+            'effects': GRAVITY,
+        }
+    )
+    found = equilibrium(scene)
+    np.testing.assert_allclose(found.reactions['pin'].force, [0.0, 9.81], atol=1e-12)
+    np.testing.assert_allclose(found.sample.drive_efforts['shake'], [0.0, 2 * 9.81], atol=1e-12)
+    for model in (linearise(found), linearise(scene)):
+        np.testing.assert_allclose(model.A, [[0.0, 1.0], [-1.5 * 9.81, 0.0]], atol=1e-11)
+        assert model.notes == ('drives are frozen at t = 0 s',)
+
+
+@pytest.mark.parametrize('force', [-5.0, 3.0])
+def test_reactions_that_cancel_leave_a_folded_mechanism_neutral(force: float) -> None:
+    """Two bars lie on each other and turn as one; a push on the slider does no work there, and the
+    forces of the bars on the knee cancel."""
+    bar = {'mass': 1, 'inertia': 'rod', 'length': 1}
+    line = {'through': [0, 0], 'direction': [1, 0]}
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {
+                    'O': {'at': [0, 0], 'fixed': True},
+                    'A': {'at': ['cos(1.2)', 'sin(1.2)']},
+                    'B': {'at': [0, 0]},
+                },
+                'bodies': {
+                    'crank': {'points': ['O', 'A'], **bar},
+                    'rod': {'points': ['A', 'B'], **bar},
+                },
+                'joints': {
+                    'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+                    'knee': {'type': 'revolute', 'between': ['crank', 'rod'], 'at': 'A'},
+                    'guide': {'type': 'slider', 'point': 'B', 'on': line},
+                },
+            },
+            'effects': {'constant_wrench': {'on': 'B', 'force': [force, 0]}},
+        }
+    )
+    found = equilibrium(scene)
+    assert (found.stability, found.stiffness.tolist(), found.notes) == ('neutral', [0.0], ())
+
+
+def test_a_belt_stands_still_at_rest_and_a_note_says_so() -> None:
+    roll = {'type': 'no_slip', 'between': ['ground', 'wheel'], 'at': 'P', 'radius': 0.1}
+    line = {'through': [0, 0.1], 'direction': [1, 0]}
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'P': {'at': [0, 0.1]}, 'R': {'at': [0.1, 0.1]}},
+                'bodies': {
+                    'wheel': {'points': ['P', 'R'], 'mass': 1, 'inertia': 'rod', 'com': [0, 0]}
+                },
+                'joints': {
+                    'guide': {'type': 'slider', 'point': 'P', 'on': line},
+                    'roll': {
+                        **roll,
+                        'on': {'through': [0, 0], 'direction': [1, 0], 'speed': '0.5 + t'},
+                    },
+                },
+            },
+            'effects': {
+                'spring': {
+                    'between': ['P', 'ground'],
+                    'at': [None, [1, 0.1]],
+                    'stiffness': 10,
+                    'free_length': 0.5,
+                },
+                'drag': {'on': 'wheel', 'spin': 0.2},
+            },
+        }
+    )
+    found = equilibrium(scene)
+    assert [note for note in found.notes if note.startswith('roll: ')]
+    np.testing.assert_allclose(found.points['P'], [0.5, 0.1], atol=1e-9)
+    assert linearise(found).drift == pytest.approx(0.0, abs=1e-9)
 
 
 def test_friction_is_said_as_such() -> None:

@@ -301,6 +301,7 @@ def test_fastest_run_with_a_damper() -> None:
         (lambda: loads(crank(), ['kne'], times=[0.0]), "got 'kne'"),
         (lambda: loads(crank(), ['knee', 'knee'], times=[0.0]), 'given twice'),
         (lambda: loads(crank(), times=[]), 'no instants'),
+        (lambda: loads(crank(), times=[1.0, 0.5]), 'times: lies in the past, got 0.5'),
         (lambda: loads(crank(), times=[0.2, 0.1]), 'lies in the past'),
         (lambda: loads(crank(), times=[0.0], weights={'a': 1.0}), 'no such actuator'),
         (lambda: loads(crank(), times=[0.0], weights={'crank_pin': 0.0}), 'not usable'),

@@ -19,13 +19,13 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 
 
 def joint_state(posture: Posture, stamp: Time, moving: bool) -> JointState:
-    """All joint coordinates, then the angles of balls; velocities if `moving`: the input had
-    them."""
+    """All joint coordinates, then the angles of balls; velocities if `moving`, the input had them,
+    and they exist."""
     angles, rates = posture.angles_of_balls
     message = JointState(name=list(joint_state_names(posture.model)))
     message.header.stamp = stamp
     message.position = [*posture.joint_positions.tolist(), *angles.tolist()]
-    if moving:
+    if moving and np.isfinite(posture.joint_velocities).all():
         message.velocity = [*posture.joint_velocities.tolist(), *rates.tolist()]
     return message
 

@@ -103,9 +103,10 @@ class Closure:
     ) -> Posture:
         """The posture at these values of all active joint coordinates (rad, turns counted, or m).
 
-        rates: their velocities (rad/s or m/s), for velocities of the posture. t: the instant (s)
-        of the values; without it calls count as equally spaced. Raises InputError, and changes
-        nothing, for a wrong name or number, or a time that does not advance.
+        rates: their velocities (rad/s or m/s), for velocities of the posture, which are NaN where
+        it cannot move so, as in a dead point. t: the instant (s) of the values; without it calls
+        count as equally spaced. Raises InputError, and changes nothing, for a wrong name or
+        number, or a time that does not advance.
         """
         closing = self._closing
         wanted = self._numbers(positions, 'positions')
@@ -120,7 +121,8 @@ class Closure:
         if speeds is not None:
             if not linearise_posture(closing):
                 raise StepError('the leading matrix is not positive definite', 'check masses', 0.0)
-            rates_at(closing, speeds, per_call, qd)
+            if not rates_at(closing, speeds, per_call, qd):
+                qd[: self.model.n] = math.nan
         state = State(
             self._calls, closing.q.copy(), qd, closing.turns.copy(), 0.0, np.zeros(0), NO_INPUTS
         )

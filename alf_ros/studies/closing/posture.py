@@ -61,7 +61,8 @@ class Posture(Kinematics):
 
     @property
     def joint_rates(self) -> Mapping[str, float]:
-        """Velocity of each joint coordinate, rad/s or m/s; zero where the call had no rates."""
+        """Velocity of each joint coordinate, rad/s or m/s; zero where the call had no rates, NaN
+        where the posture cannot move at these rates, as in a dead point."""
         return NamedValues(self.model.coordinate_names, lambda n: float(self.joint_velocities[n]))
 
     @property
@@ -73,7 +74,8 @@ class Posture(Kinematics):
     def rates(self) -> Floats:
         """G = ∂x/∂x_a (joint coordinates, active): ẋ = G ẋ_a. The unit of an entry is the
         unit of the joint coordinate over the unit of the active one (rad or m). The rows of active
-        coordinates form the identity. In a dead point G does not exist; near it G is large."""
+        coordinates form the identity. In a dead point G does not exist (NaN); near it G is
+        large."""
         return self._ways.rates()
 
     @property

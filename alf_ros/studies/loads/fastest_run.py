@@ -90,7 +90,7 @@ def fastest(
             key='without',
             expected='the names of its effects',
         )
-    solver, carrier = InverseDynamics(bare, names), Carrier(simulation, bare)
+    solver, carrier = InverseDynamics(bare, names, 'limits'), Carrier(simulation, bare)
     way = length / count
     middle = [(k + 0.5) * way for k in range(count)]
     along = carrier.motion(list(simulation.run(middle[-1], at=middle)))

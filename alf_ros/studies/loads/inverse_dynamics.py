@@ -77,18 +77,20 @@ class NeededEfforts:
 class InverseDynamics:
     """Of the mechanism, the effects and the held inputs of a simulation, which has no drives.
 
-    actuators: names of joint coordinates, or of inputs of `linearise` ('wrenches.C.force.z').
-    Raises InputError for unknown names.
+    actuators: names of joint coordinates, or of inputs of `linearise` ('wrenches.C.force.z'); key:
+    where they are given. Raises InputError for unknown names.
     """
 
-    def __init__(self, simulation: Simulation, actuators: Sequence[str]) -> None:
+    def __init__(
+        self, simulation: Simulation, actuators: Sequence[str], key: str = 'actuators'
+    ) -> None:
         model = simulation.model
         names = [f'joints.{n}.effort' if n in model.coordinate_names else n for n in actuators]
-        self.inputs = named_inputs(Loads(simulation), 0.0, names, 'actuators')
+        self.inputs = named_inputs(Loads(simulation), 0.0, names, key)
         for each in self.inputs:
             if each.name.startswith('targets.'):
                 raise InputError(
-                    'not a force', key='actuators', value=each.name, expected='an effort, a wrench'
+                    'not a force', key=key, value=each.name, expected='an effort, a wrench'
                 )
         self.names = tuple(_short(each.name) for each in self.inputs)
         self.units = tuple(each.unit for each in self.inputs)

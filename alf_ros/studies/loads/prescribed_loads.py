@@ -12,7 +12,8 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.input_checks import by_name, number, numbers, texts
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.input_checks import by_name, number, texts
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.loads.driven_motion import Carrier, moving, undriven
@@ -54,7 +55,7 @@ def loads(
     solver = InverseDynamics(bare, names)
     solver.weigh(_weights(solver.names, weights))
     carrier = Carrier(simulation, bare)
-    instants = numbers(times, 'times')
+    instants = check.times(times, simulation.t, simulation.h, 'times')
     if not instants:
         raise InputError('no instants', key='times', expected='s, one or more')
     last = max(0.0, instants[-1] - simulation.t)

@@ -179,10 +179,11 @@ class Instant:
         """(n, n) -∂Q/∂q̇, N s/m."""
         return self.loads.tangents.damping(self.change())
 
-    def curvature(self, lam: Floats) -> Sparse:
-        """(n, n) ∂(Jᵀ λ)/∂q of λ (rows,): the stiffness that reactions give, N/m."""
+    def curvature(self, lam: Floats, *, sizes: bool = False) -> Sparse:
+        """(n, n) ∂(Jᵀ λ)/∂q of λ (rows,): the stiffness that reactions give, N/m; `sizes`: how
+        large the terms are that it is the sum of."""
         n = self.model.n
-        return curvature(self.model, lam)[:n, :n]
+        return curvature(self.model, lam, sizes=sizes)[:n, :n]
 
     @cached_property
     def turning(self) -> Sparse:

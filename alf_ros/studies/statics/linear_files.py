@@ -50,7 +50,10 @@ def _mat(model: LinearModel, path: Path) -> None:
     from scipy.io import savemat
 
     names = {name: np.array(getattr(model, name), dtype=object) for name in _NAMES}
-    savemat(path, {**_arrays(model), **names}, oned_as='column')
+    with open(
+        path, 'wb'
+    ) as stream:  # the error of scipy does not say why a file cannot be written
+        savemat(stream, {**_arrays(model), **names}, oned_as='column')
 
 
 def _json(model: LinearModel, path: Path) -> None:

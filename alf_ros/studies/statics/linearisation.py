@@ -37,7 +37,12 @@ from alf_ros.studies.statics.difference_slopes import slope_at_zero
 from alf_ros.studies.statics.instant import Instant, Loads, forces
 from alf_ros.studies.statics.linear_model import LinearModel
 from alf_ros.studies.statics.named_inputs import NamedInput, named_inputs
-from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, in_order
+from alf_ros.studies.statics.positions_of_rest import (
+    Equilibrium,
+    equilibrium,
+    in_order,
+    standing_still,
+)
 
 # of a typical length, and of it a second: stiff contacts are micrometres deep
 _AWAY = (3e-3, 3e-4, 3e-5, 3e-6, 3e-7, 3e-8, 3e-9, 3e-10, 3e-11)
@@ -78,6 +83,8 @@ def linearise(
     names, units = _outputs(sample, outputs)
     C = charted.slopes(names)
     notes = ['the loads of friction are held'] if rubbing.size else []
+    if not isinstance(about, Simulation):
+        notes += standing_still(instant.model, t)
     if instant.is_kinked:
         notes.append('a force has a kink here: the model holds on one side of it')
     kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]

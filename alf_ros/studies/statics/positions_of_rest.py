@@ -49,14 +49,14 @@ _DRIVEN = 0.05  # of the size that a drive moves in one step on the way to an in
 class Equilibrium:
     """A position of rest.
 
-    simulation: one of its own, with the held inputs. sample: all quantities, at rest. state: what
-    `Simulation.restore` takes. stability: 'stable', 'unstable', 'neutral', or 'undecided' (in a
-    singular position, or of a mechanism too large to tell). stiffness (f,): eigenvalues of the
-    reduced Hessian in the metric of the mass, 1/s², ascending; the squares of the natural
-    frequencies in rad/s if nothing damps; NaN of a pair that flutters. directions (f, n): their
-    motions in the order of `q`, for a unit of mass. residual: the largest acceleration that is
-    left, m/s². conservative: whether the loads have a potential here. notes: what a reader should
-    know, a sentence each. steps: of the search.
+    simulation: one of its own, with the held inputs, in which drives stand still. sample: all
+    quantities, at rest. state: what `Simulation.restore` takes. stability: 'stable', 'unstable',
+    'neutral', or 'undecided' (in a singular position, or of a mechanism too large to tell).
+    stiffness (f,): eigenvalues of the reduced Hessian in the metric of the mass, 1/s², ascending;
+    the squares of the natural frequencies in rad/s if nothing damps; NaN of a pair that flutters.
+    directions (f, n): their motions in the order of `q`, for a unit of mass. residual: the largest
+    acceleration that is left, m/s². conservative: whether the loads have a potential here. notes:
+    what a reader should know, a sentence each. steps: of the search.
     """
 
     simulation: Simulation
@@ -223,6 +223,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
     singular = _singular(simulation, landing)
     if not landing.rests and not singular:
         raise InputError(_unrest(simulation, landing), key='effects')
+    simulation = simulation._standing()  # else drives that accelerate would load the sample
     state = replace(
         simulation.state.moved(instant.q, np.zeros_like(instant.q), instant.turns),
         loads=np.zeros_like(simulation.state.loads),
@@ -257,8 +258,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes.append('a force has a kink here: the stiffness is of one side of it')
         if sides:
             notes.append(sides)
-    if model.mechanism.drives:
-        notes.append(f'drives are frozen at t = {instant.t:g} s')
+    notes += standing_still(model, instant.t)
     if told.stiffness.size and model.system.rows.velocity:
         if instant.position_directions.shape[1] > told.stiffness.size:
             notes.append('rows bind velocities only: other positions of rest lie all around')
@@ -275,6 +275,15 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes=tuple(notes),
         steps=landing.steps,
     )
+
+
+def standing_still(model: Model, t: float) -> list[str]:
+    """Notes about what moves as a function of time and stands still at rest, at t (s)."""
+    found = [f'drives are frozen at t = {t:g} s'] if model.mechanism.drives else []
+    names = ', '.join(joint.name for joint in model.mechanism.joints if joint.motion)
+    if names:
+        found.append(f'{names}: what moves there as a function of time stands still')
+    return found
 
 
 def _uncertainty(instant: Instant, told: RestStability) -> float:

@@ -112,7 +112,9 @@ class RestStability:
 def reduced_stiffness(instant: Instant, lam: Floats) -> ReducedStiffness:
     """Of an instant with λ (rows,) in the kernel's order."""
     Z, K, L = instant.velocity_directions, instant.K, instant.curvature(lam)
-    return ReducedStiffness(np.asarray(Z.T @ ((K + L) @ Z)), abs(K) + abs(L), Z)
+    # reactions of two rows may cancel in L, as of bars that lie on each other
+    terms = abs(K) + instant.curvature(lam, sizes=True)
+    return ReducedStiffness(np.asarray(Z.T @ ((K + L) @ Z)), terms, Z)
 
 
 def reduced_modes(stiffness: ReducedStiffness) -> ReducedModes:

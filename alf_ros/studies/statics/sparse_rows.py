@@ -73,8 +73,9 @@ def _terms(rows: Rows, D: int) -> tuple[Integers, Integers, Floats]:
     return entry, rows.term_block.astype(np.int64), rows.term.reshape(-1, D, D)
 
 
-def curvature(model: Model, lam: Floats) -> Sparse:
-    """L(λ) = ∂(Jᵀ λ)/∂q (blocks D, blocks D) of λ (rows,) in the kernel's order."""
+def curvature(model: Model, lam: Floats, *, sizes: bool = False) -> Sparse:
+    """L(λ) = ∂(Jᵀ λ)/∂q (blocks D, blocks D) of λ (rows,) in the kernel's order; `sizes`: how
+    large the terms are that each entry is the sum of."""
     rows: Rows = model.system.rows
     D, m1 = model.layout.dimension, rows.i.size
     a, b = rows.i.astype(np.int64), rows.j.astype(np.int64)
@@ -85,7 +86,7 @@ def curvature(model: Model, lam: Floats) -> Sparse:
     j = np.concatenate([a, b, b, a, at])
     values = np.concatenate([own, own, -own, -own, of[:, None, None] * T])
     size = model.layout.blocks * D
-    return of_blocks(i, j, values, (size, size))
+    return of_blocks(i, j, np.abs(values) if sizes else values, (size, size))
 
 
 def turning(model: Model, v: Floats) -> Sparse:

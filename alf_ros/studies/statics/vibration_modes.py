@@ -83,7 +83,8 @@ class VibrationModes:
             system = replace(model.system, mass=mass_of(layout))
             own = mass_matrix(replace(model, system=system)) @ self.motions.T
             shares[body.name] = np.einsum('kn,nk->k', self.motions, own)
-        blocks = self.motions.reshape(len(self.motions), -1, model.layout.dimension)
+        layout = model.layout
+        blocks = self.motions.reshape(len(self.motions), layout.movable, layout.dimension)
         for rotor in model.mechanism.rotors:  # each is a block of its own
             block = model.layout.of_auxiliary[rotor.name]
             speeds = (blocks[:, block : block + 1] ** 2).sum(axis=(1, 2))
