@@ -278,8 +278,10 @@ class _Reader:
                 self.robot.velocities[self.bodies[body]] = BodyVelocity(place, linear, angular)
 
     def _lift(self) -> None:
-        """Compensation of gravity: a force on each part, if it acts at the centre of mass."""
+        """Compensation of gravity: a force on each part, if it acts at the centre of mass and no
+        joint takes it from its actuators, which may be too weak or none."""
         model, data = self.model, self.data
+        whole = mjcf_switches.pushes(self.mujoco, model) and not model.jnt_actfrclimited.any()
         for part in self.robot.parts:
             own = [n for n in range(1, model.nbody) if self.held[n] == part.name]
             weights = model.body_mass[own] * model.body_gravcomp[own]
@@ -287,7 +289,7 @@ class _Reader:
                 continue
             arm = weights @ (data.xipos[own] - part.com)  # kg m
             beside = np.abs(arm).max() > _CENTRED * model.stat.extent * np.abs(weights).sum()
-            if beside or (model.jnt_actgravcomp.any() and model.jnt_actfrclimited.any()):
+            if beside or (model.jnt_actgravcomp.any() and not whole):
                 self.robot.leave('compensation of gravity', part.name)
             else:
                 self.robot.lifts[part.name] = weights.sum() * -model.opt.gravity
