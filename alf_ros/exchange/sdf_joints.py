@@ -11,7 +11,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot
 from alf_ros.exchange.sdf_frames import MODEL, SdfFrames
-from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers
+from alf_ros.exchange.sdf_values import name_of, number, numbers, says
 from alf_ros.exchange.sdf_versions import AXES as _TAGS
 from alf_ros.exchange.sdf_versions import OF_MODEL
 
@@ -63,7 +63,7 @@ class SdfJoints:
         tags = _TAGS[: AXES.get(kind, 1)]
         axes = tuple(self._axis(scope, element, tag) for tag in tags)
         if len(axes) == 2 and abs(axes[0] @ axes[1]) > _PERPENDICULAR:
-            raise self._robot.error(name, 'its two axes are not perpendicular')
+            raise self._robot.error(name, 'its two axes are not perpendicular', element)
         if len(axes) != 1:
             self._leave_of_axes(element, tags, name)
             return Connection(name, kind, parent, child, place, axes)
@@ -118,7 +118,7 @@ class SdfJoints:
         if self._number(ode, 'max_force', 0.0, name) != 0.0:
             leave('actuators', f'{name} (max_force of ODE)')
         for tag in _SCHEMES:
-            if ode is not None and is_true(ode.findtext(tag)):
+            if says(ode, tag, self._robot.error, name):
                 leave('elements', f'{tag} of {name}')
 
     def _differs(
@@ -155,21 +155,22 @@ class SdfJoints:
         self, limit: ElementTree.Element | None, tag: str, default: float, name: str
     ) -> float:
         """A number that may be infinite; from 1e15 on it is."""
-        text = '' if limit is None else (limit.findtext(tag) or '').strip()
+        inner = None if limit is None else limit.find(tag)
+        text = '' if inner is None else (inner.text or '').strip()
         try:
             x = float(text or default)
         except ValueError:
             x = math.nan
         if math.isnan(x):
-            raise self._robot.error(name, 'not a number', value=text)
+            raise self._robot.error(name, 'not a number', inner, value=text)
         return x if abs(x) < _ENDLESS else math.copysign(math.inf, x)
 
     def _mimic(self, scope: str, name: str, element: ElementTree.Element) -> None:
         """x = multiplier (other - reference) + offset, of a joint with one axis."""
         error = self._robot.error
-        other = self._frames.find(element.get('joint', ''), scope)
+        other = self._frames.find(element.get('joint', ''), scope, element)
         if self._short(other) == name:
-            raise error(name, 'it mimics itself')
+            raise error(name, 'it mimics itself', element)
         kinds = [kind_of(each) for at, each in self._joints if at + name_of(each, error) == other]
         if kinds[:1] not in (['revolute'], ['continuous'], ['prismatic']):
             self._robot.leave('mimic', name)
@@ -192,7 +193,7 @@ class SdfJoints:
             return _PITCH
         per_metre = self._number(element, 'thread_pitch', 1.0, name)
         if per_metre == 0.0:
-            raise self._robot.error(name, 'a thread without pitch')
+            raise self._robot.error(name, 'a thread without pitch', element)
         return -2.0 * np.pi / per_metre
 
     def _axis(self, scope: str, element: ElementTree.Element, tag: str) -> Floats:
@@ -201,13 +202,14 @@ class SdfJoints:
         axis = element.find(tag)
         axis = ElementTree.Element(tag) if axis is None else axis
         xyz = axis.find('xyz')
-        u = numbers((xyz is not None and xyz.text) or '0 0 1', 3, self._robot.error, name)
+        error = self._robot.error
+        u = numbers((xyz is not None and xyz.text) or '0 0 1', 3, error, name, xyz)
         if not np.linalg.norm(u) > 0.0:
-            raise self._robot.error(name, 'zero is no direction')
+            raise error(name, 'zero is no direction', xyz)
         given = '' if xyz is None else xyz.get('expressed_in', '')
         if given:
-            frame = self._frames.find(given, scope)
+            frame = self._frames.find(given, scope, xyz)
         else:
-            frame = scope + (MODEL if is_true(axis.findtext(OF_MODEL)) else name)
+            frame = scope + (MODEL if says(axis, OF_MODEL, error, name) else name)
         turned = self._frames.pose(frame).turn @ (u / np.linalg.norm(u))
         return np.asarray(turned, dtype=float)
