@@ -108,6 +108,8 @@ class _Reader:
         self.joints = self._names('joint', model.njnt)
         if key is not None:
             self._begin_at(key)
+        if not np.all(np.abs(self.data.qpos) <= LARGEST):
+            raise InputError('not usable numbers', file=file, key='qpos')
         self._set(positions)
         mjcf_equalities.draw(mujoco, self.data, self.joints, positions)
         called = model.names.split(b'\0')[0].decode()

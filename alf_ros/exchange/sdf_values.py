@@ -55,7 +55,7 @@ def is_true(
     default: bool = False,
 ) -> bool:
     """Whether a text of the element `at` says so; the default where there is none. Raises the
-    error for other words than those of SDF."""
+    error for another word than SDF has."""
     word = (text or '').strip().lower()
     if word not in ('', *_TRUE, *_FALSE):
         raise refuse(key, 'neither true nor false', at=at, value=text, expected='true or false')

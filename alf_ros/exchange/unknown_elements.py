@@ -33,7 +33,7 @@ def attributes(
     element: ElementTree.Element, known: Mapping[str, Collection[str]]
 ) -> Iterator[str]:
     """Such attributes of an element, each as `TAG ATTRIBUTE`; of elements whose tag is not known
-    none. Those of XML itself, such as `xml:base`, belong to every format.
+    none. Attributes of XML itself, such as `xml:base`, belong to every format.
 
     known: by tag the attributes that it may have.
     """

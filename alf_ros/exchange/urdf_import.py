@@ -27,6 +27,7 @@ from alf_ros.exchange import (
     xml_file,
 )
 from alf_ros.exchange.robot import GROUND, STILL, Connection, Coupled, FramePose, Robot, RobotPart
+from alf_ros.exchange.sdf_values import numbers
 from alf_ros.exchange.urdf_motions import TreeMotion
 from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 
@@ -184,13 +185,9 @@ class UrdfReader:
     def drawn(self, given: Mapping[str, float]) -> dict[str, float]:
         """Positions of joints: given, from <ros2_control>, and from mimics. Raises InputError."""
         positions = {}
-        for name, text in urdf_actuators.initial_positions(self.xml).items():
+        for name, at in urdf_actuators.initial_positions(self.xml).items():
             if name in self.joints and self.joints[name].type in _MOVES:
-                try:
-                    positions[name] = float(text)
-                except ValueError:
-                    message, expected = 'not a number', 'rad or m'
-                    raise self.error(name, message, value=text, expected=expected) from None
+                positions[name] = float(numbers(at.text or '', 1, self.error, name, at)[0])
         positions |= given
         for name in self.mimics:
             x = self._mimicked(name, positions, ())

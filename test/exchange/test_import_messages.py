@@ -288,3 +288,28 @@ def test_an_unknown_encoding_is_one_line(name: str, tmp_path: Path) -> None:
     text = head + (SDF if name == 'it.sdf' else URDF.replace('MORE', ''))
     with pytest.raises(InputError, match='not XML: unknown encoding: uft-8'):
         imported(saved(tmp_path, name, text))
+
+
+PARAM = '<param name="initial_value">{}</param>'
+CONTROL = f"""<ros2_control><joint name="p"><state_interface name="position">
+{PARAM}</state_interface></joint></ros2_control>"""
+
+
+@pytest.mark.parametrize('x', ['nan', '1e300', '0,3'])
+def test_a_position_of_ros2_control_is_a_number(x: str, tmp_path: Path) -> None:
+    """Others ended in tracebacks of numpy."""
+    path = saved(tmp_path, 'it.urdf', URDF.replace('MORE', CONTROL.format(x)))
+    with pytest.raises(InputError, match=f"it.urdf:9: p: not usable numbers, got '{x}'"):
+        imported(path)
+
+
+@pytest.mark.parametrize('x', ['nan', '1e300'])
+def test_a_position_can_be_computed_with(x: str, tmp_path: Path) -> None:
+    """Others ended in tracebacks of numpy."""
+    path = saved(tmp_path, 'it.urdf', URDF.replace('MORE', ''))
+    with pytest.raises(InputError, match="--set: not a usable number for 'p', got "):
+        imported(path, positions={'p': float(x)})
+    source = f"""<mujoco><worldbody><body><joint name="p" type="slide"/><geom size="1"/></body>
+    </worldbody><keyframe><key name="k" qpos="{x}"/></keyframe></mujoco>"""
+    with pytest.raises(InputError, match='it.xml: qpos: not usable numbers'):
+        imported(saved(tmp_path, 'it.xml', source), key='k')
