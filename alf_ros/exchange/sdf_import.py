@@ -346,7 +346,12 @@ class _Reader:
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
-        joints = SdfJoints(self.robot, self.frames, self.joints, self._short)
+        held = {
+            scope + self._name(each)
+            for scope, each in self.joints
+            if all(part_of[side] == GROUND for side in sides[id(each)])
+        }
+        joints = SdfJoints(self.robot, self.frames, self.joints, held, self._short)
         for scope, each in self.joints:
             joints.leave(scope, each)
             if sdf_joints.kind_of(each) == 'fixed':

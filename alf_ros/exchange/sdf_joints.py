@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from xml.etree import ElementTree
 
 import numpy as np
@@ -40,7 +40,8 @@ def is_known(element: ElementTree.Element) -> bool:
 class SdfJoints:
     """Makes connections from the joints of an SDF.
 
-    joints: all of the file, each after its scope. short: names as the robot has them.
+    joints: all of the file, each after its scope. held: the scoped names of joints between fixed
+    parts. short: names as the robot has them.
     """
 
     def __init__(
@@ -48,10 +49,11 @@ class SdfJoints:
         robot: Robot,
         frames: SdfFrames,
         joints: Sequence[tuple[str, ElementTree.Element]],
+        held: Container[str],
         short: Callable[[str], str],
     ) -> None:
         self._robot, self._frames, self._short = robot, frames, short
-        self._joints = joints
+        self._joints, self._held = joints, held
 
     def connection(
         self, scope: str, element: ElementTree.Element, parent: str, child: str
@@ -172,7 +174,8 @@ class SdfJoints:
         if self._short(other) == name:
             raise error(name, 'it mimics itself', element)
         kinds = [kind_of(each) for at, each in self._joints if at + name_of(each, error) == other]
-        if kinds[:1] not in (['revolute'], ['continuous'], ['prismatic']):
+        single = kinds[:1] in (['revolute'], ['continuous'], ['prismatic'])
+        if not single or element.get('axis', 'axis') != 'axis':
             self._robot.leave('mimic', name)
             return
         factor, reference, offset = (
@@ -181,7 +184,8 @@ class SdfJoints:
         )
         if offset != factor * reference:
             self._robot.leave('phase of mimic', name)
-        of = {name: 1.0} | ({self._short(other): -factor} if factor else {})
+        moves = factor != 0.0 and other not in self._held
+        of = {name: 1.0} | ({self._short(other): -factor} if moves else {})
         self._robot.couplings.append(Coupled(f'{name}_mimic', of))
 
     def _pitch(self, element: ElementTree.Element, name: str) -> float:
