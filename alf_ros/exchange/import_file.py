@@ -31,6 +31,7 @@ from alf_ros.exchange.usd_stage import SUFFIXES
 from alf_ros.model import massless_directions
 from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import Scene, scene_from_text
+from alf_ros.scene.text.yaml_document import LARGEST
 
 # the formats that take no plane besides those of the file, with the reason
 WITHOUT_GROUND = {
@@ -76,6 +77,9 @@ def imported(source: str, **wishes: Any) -> str:
     usd-core for USD. Raises InputError.
     """
     asked = Wishes(**wishes)
+    for name, x in asked.positions.items():
+        if not abs(x) <= LARGEST:
+            raise InputError(f'not a usable number for {name!r}', key='--set', value=x)
     robot = _robot(paths.named(source), asked)
     ground_touches.of_colliders(robot, asked.ground)
     massless_ends.left_out(robot)

@@ -109,6 +109,8 @@ MOTION = {
     'plugins': 'forces and control that they apply are missing',
     'state of the world': 'models start where they are placed',
     'wind': 'it exerts no force on these bodies',
+    'unknown attributes': 'the format has no such attribute there: what it does to the motion is '
+    'missing',
     'unknown elements': 'the format has no such element there, or only one: what they do to '
     'the motion is missing',
     'physics of Gazebo': 'what these extensions do to the motion is missing',

@@ -108,6 +108,8 @@ class _Reader:
         self.joints = self._names('joint', model.njnt)
         if key is not None:
             self._begin_at(key)
+        if not np.all(np.abs(self.data.qpos) <= LARGEST):
+            raise InputError('not usable numbers', file=file, key='qpos')
         self._set(positions)
         mjcf_equalities.draw(mujoco, self.data, self.joints, positions)
         called = model.names.split(b'\0')[0].decode()
@@ -278,8 +280,10 @@ class _Reader:
                 self.robot.velocities[self.bodies[body]] = BodyVelocity(place, linear, angular)
 
     def _lift(self) -> None:
-        """Compensation of gravity: a force on each part, if it acts at the centre of mass."""
+        """Compensation of gravity: a force on each part, if it acts at the centre of mass and no
+        joint takes it from its actuators, which may be too weak or none."""
         model, data = self.model, self.data
+        whole = mjcf_switches.pushes(self.mujoco, model) and not model.jnt_actfrclimited.any()
         for part in self.robot.parts:
             own = [n for n in range(1, model.nbody) if self.held[n] == part.name]
             weights = model.body_mass[own] * model.body_gravcomp[own]
@@ -287,7 +291,7 @@ class _Reader:
                 continue
             arm = weights @ (data.xipos[own] - part.com)  # kg m
             beside = np.abs(arm).max() > _CENTRED * model.stat.extent * np.abs(weights).sum()
-            if beside or (model.jnt_actgravcomp.any() and model.jnt_actfrclimited.any()):
+            if beside or (model.jnt_actgravcomp.any() and not whole):
                 self.robot.leave('compensation of gravity', part.name)
             else:
                 self.robot.lifts[part.name] = weights.sum() * -model.opt.gravity

@@ -73,6 +73,12 @@ def is_off(mujoco: Any, model: Any, actuator: int) -> bool:
     return own or _is_set(mujoco, model, 'ACTUATION')
 
 
+def pushes(mujoco: Any, model: Any) -> bool:
+    """Whether MuJoCo computes forces of actuators, and with them the compensation of gravity of
+    joints with `actuatorgravcomp`."""
+    return bool(model.nu) and not _is_set(mujoco, model, 'ACTUATION')
+
+
 def _is_set(mujoco: Any, model: Any, flag: str) -> bool:
     return bool(model.opt.disableflags & getattr(mujoco.mjtDisableBit, f'mjDSBL_{flag}'))
 

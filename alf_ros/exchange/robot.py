@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.exchange import xml_file
 from alf_ros.exchange.import_report import LeftOut
 from alf_ros.mechanism import VisualShape
 from alf_ros.model import joints
@@ -224,8 +226,14 @@ class Robot:
         """Note that something of `name` does not come along; `kind` is one of `report`."""
         self.left_out.add(kind, name.replace(GROUND, 'ground'))
 
-    def connect(self, connection: Connection, end: Floats | None = None) -> None:
-        """Add a connection, of which the child's end (3,) is drawn at `end`. Raises InputError.
+    def connect(
+        self,
+        connection: Connection,
+        end: Floats | None = None,
+        at: ElementTree.Element | None = None,
+    ) -> None:
+        """Add a connection, of which the child's end (3,) is drawn at `end`, and that stands at an
+        element of the file. Raises InputError.
 
         The ground comes first: turned round, a joint has the same coordinates about -axes. A loop
         may have the name of a joint in the file: it gets another one.
@@ -233,7 +241,7 @@ class Robot:
         name, (parent, child) = connection.name, (connection.parent, connection.child)
         if parent == child:
             body = 'the ground' if parent == GROUND else f'one body, {parent!r}'
-            raise self.error(name, f'both sides are of {body}')
+            raise self.error(name, f'both sides are of {body}', at)
         gap = 0.0 if end is None else float(np.linalg.norm(end - connection.place))
         if gap > 0.0 and gap > _OPEN * max(
             [1e-300, *(float(abs(p.origin).max()) for p in self.parts)]
@@ -241,6 +249,7 @@ class Robot:
             raise self.error(
                 name,
                 f'its two ends are drawn {gap:.6g} m apart',
+                at,
                 expected='positions of the joints at which they meet: --set JOINT=NUMBER',
             )
         if child == GROUND:
@@ -289,9 +298,12 @@ class Robot:
             elif any(without):
                 self.leave('gravity off', part.name)
 
-    def error(self, key: str, message: str, **details: Any) -> InputError:
-        """Return an InputError with file and key; `details` are its other fields."""
-        return InputError(message, file=self.file, key=key, **details)
+    def error(
+        self, key: str, message: str, at: ElementTree.Element | None = None, **details: Any
+    ) -> InputError:
+        """Return an InputError with file and key, and with the line of an element of XML;
+        `details` are its other fields."""
+        return InputError(message, **xml_file.place_of(at, self.file), key=key, **details)
 
 
 def free_name(wanted: str, taken: Container[str]) -> str:

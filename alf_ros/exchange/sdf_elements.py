@@ -1,4 +1,5 @@
-"""The elements that SDF has in models, links and joints: a report names the others.
+"""The elements and attributes that SDF has in worlds, models, links and joints: a report names
+the others.
 
 Specification: sdformat.org, versions 1.4 to 1.12, and elements that `sdf_import` adds.
 """
@@ -13,6 +14,12 @@ from alf_ros.exchange.sdf_versions import OF_MODEL
 
 # by element the elements in it that SDF has
 _ELEMENTS = {
+    'sdf': ('world', 'model', 'actor', 'light', 'include'),
+    'world': ('gravity', 'model', 'include', 'frame', 'joint', 'light', 'plugin', 'state', 'actor')
+    + ('road', 'population', 'wind', 'physics', 'scene', 'gui', 'magnetic_field', 'atmosphere')
+    + ('spherical_coordinates', 'audio'),
+    'include': ('uri', 'name', 'pose', 'static', 'placement_frame', 'plugin', 'model_state'),
+    'frame': ('pose',),
     'model': ('static', 'self_collide', 'allow_auto_disable', 'enable_wind', 'pose', 'frame')
     + ('include', 'model', 'link', 'joint', 'plugin', 'gripper', 'model_state', 'placement_frame'),
     'link': ('pose', 'inertial', 'gravity', 'enable_wind', 'self_collide', 'kinematic', 'light')
@@ -28,18 +35,38 @@ _ELEMENTS = {
     'mimic': ('multiplier', 'offset', 'reference'),
 }
 _ELEMENTS['axis2'] = _ELEMENTS['axis']
-_BELOW = ('inertial', 'inertia', 'axis', 'axis2', 'dynamics', 'limit', 'mimic')
+# by element the attributes that it has
+_ATTRIBUTES: dict[str, tuple[str, ...]] = dict.fromkeys(_ELEMENTS, ()) | {
+    'sdf': ('version',),
+    'world': ('name',),
+    'include': ('merge', 'placement_frame'),
+    'frame': ('name', 'attached_to'),
+    'model': ('name', 'canonical_link', 'placement_frame'),
+    'link': ('name',),
+    'joint': ('name', 'type'),
+    'pose': ('relative_to', 'rotation_format', 'degrees'),
+    'inertial': ('auto',),
+    'mimic': ('joint', 'axis'),
+    'xyz': ('expressed_in',),
+}
+_BELOW = frozenset(
+    ('frame', 'include', 'pose', 'inertial', 'inertia', 'axis', 'axis2', 'xyz', 'dynamics')
+    + ('limit', 'mimic')
+)
 _SEVERAL = frozenset(
     ('frame', 'include', 'model', 'link', 'joint', 'plugin', 'gripper', 'model_state', 'sensor')
-    + ('collision', 'visual', 'light', 'battery', 'particle_emitter', 'audio_source')
+    + ('collision', 'visual', 'light', 'battery', 'particle_emitter', 'audio_source', 'world')
+    + ('actor', 'state', 'road', 'population')
 )
 
 
 def leave_unknown(robot: Robot, element: ElementTree.Element, name: str) -> None:
-    """Note elements that SDF does not have within a model, a link or a joint that has a name."""
-    known = _ELEMENTS[element.tag]
-    for tag, _ in unknown_elements.of(element, known, _SEVERAL):
-        robot.leave('unknown elements', f'{tag} of {name}')
+    """Note what SDF does not have within an element of the file that has a name."""
+    for tag, _ in unknown_elements.of(element, _ELEMENTS.get(element.tag, ()), _SEVERAL):
+        if (element.tag, tag) != ('include', 'params'):  # which `sdf_import` lists
+            robot.leave('unknown elements', f'{tag} of {name}')
+    for attribute in unknown_elements.attributes(element, _ATTRIBUTES):
+        robot.leave('unknown attributes', f'{attribute} of {name}')
     for each in element:
-        if each.tag in known and each.tag in _BELOW:
+        if each.tag in _BELOW:
             leave_unknown(robot, each, name)

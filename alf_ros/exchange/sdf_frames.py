@@ -16,15 +16,24 @@ from alf_ros.exchange.robot import STILL, FramePose
 from alf_ros.exchange.sdf_values import Refuse, is_true, numbers
 
 MODEL, WORLD = '__model__', 'world'
+_FORMATS = ('euler_rpy', 'quat_xyzw')
 
 
 @dataclass
 class _Frame:
-    """A frame: its pose in another one, and the frame that it is fixed to (itself: a link)."""
+    """A frame: its pose in another one, the frame that it is fixed to (itself: a link), and the
+    element of the file that has it."""
 
     pose: FramePose
     relative_to: str
     attached_to: str
+    at: ElementTree.Element | None = None
+
+    @property
+    def placed_at(self) -> ElementTree.Element | None:
+        """The element that says what the pose is relative to."""
+        pose = None if self.at is None else self.at.find('pose')
+        return self.at if pose is None else pose
 
 
 class SdfFrames:
@@ -42,21 +51,23 @@ class SdfFrames:
         relative_to: str,
         attached_to: str | None = None,
         placed: str = '',
+        at: ElementTree.Element | None = None,
     ) -> None:
         """A frame; a link if it is attached to nothing. placed: the frame of a model that is put
-        at the pose, instead of the model's own. Raises the error."""
+        at the pose, instead of the model's own. at: the element that has it. Raises the error."""
         if name in self._frames:
-            raise self._refuse(name, 'a name of two frames')
+            raise self._refuse(name, 'a name of two frames', at)
         if placed:
-            self._frames[f'{name} placed'] = _Frame(pose, relative_to, name)
+            self._frames[f'{name} placed'] = _Frame(pose, relative_to, name, at)
             pose, relative_to = STILL, f'{name} placed\0{placed}'
         self._frames[name] = _Frame(
-            pose, relative_to, name if attached_to is None else attached_to
+            pose, relative_to, name if attached_to is None else attached_to, at
         )
 
-    def find(self, name: str, scope: str) -> str:
+    def find(self, name: str, scope: str, at: ElementTree.Element | None = None) -> str:
         """The scoped name of a frame that a name means in a scope ('' or ending in ::). The name
-        of a model is the name of its frame. Raises the error."""
+        of a model is the name of its frame. at: the element that has the name. Raises the error.
+        """
         if name == WORLD:
             return WORLD
         for found in (f'{scope}{name}', f'{scope}{name}::{MODEL}'):
@@ -64,7 +75,8 @@ class SdfFrames:
                 return found
         known = [each[len(scope) :] for each in self._frames if each.startswith(scope)]
         choices = [each for each in known if MODEL not in each and ' ' not in each]
-        raise self._refuse(scope.rstrip(':') or name, 'no such frame', value=name, choices=choices)
+        key = scope.rstrip(':') or name
+        raise self._refuse(key, 'no such frame', at, value=name, choices=choices)
 
     def pose(self, name: str) -> FramePose:
         """In the world. Raises the error for frames that refer to each other."""
@@ -74,18 +86,18 @@ class SdfFrames:
         """Of a frame in another one, along what it is relative to."""
         if name == base:
             return STILL
+        frame = self._frames[name]
         if name in waiting:
-            raise self._refuse(name, 'its pose is relative to itself')
+            raise self._refuse(name, 'its pose is relative to itself', frame.placed_at)
         if base == WORLD and name in self._poses:
             return self._poses[name]
-        frame = self._frames[name]
         to, _, placed = frame.relative_to.partition('\0')
-        to = to and self.find(to, '')
+        to = to and self.find(to, '', frame.placed_at)
         if not to:
-            raise self._refuse(name, f'its pose does not lead to {base!r}')
+            raise self._refuse(name, f'its pose does not lead to {base!r}', frame.placed_at)
         found = self._within(to, base, (*waiting, name)) @ frame.pose
         if placed:  # the pose belongs to a frame of the model, and places the model
-            found = found @ self._within(self.find(placed, ''), name, ()).inverse
+            found = found @ self._within(self.find(placed, '', frame.at), name, ()).inverse
         if base == WORLD:
             self._poses[name] = found
         return found
@@ -93,10 +105,10 @@ class SdfFrames:
     def link(self, name: str) -> str:
         """The scoped name of the link, or the world, that a frame is fixed to."""
         seen = [name]
-        while self._frames[seen[-1]].attached_to != seen[-1]:
-            seen.append(self.find(self._frames[seen[-1]].attached_to, ''))
+        while (frame := self._frames[seen[-1]]).attached_to != seen[-1]:
+            seen.append(self.find(frame.attached_to, '', frame.at))
             if len(seen) > len(self._frames):
-                raise self._refuse(name, 'it is attached to itself')
+                raise self._refuse(name, 'it is attached to itself', frame.at)
         return seen[-1]
 
 
@@ -104,11 +116,16 @@ def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> Fr
     """The values of a <pose>: x y z and roll pitch yaw (rad, or degrees), or a quaternion."""
     if element is None or not (element.text or '').strip():
         return STILL
-    quaternion = element.get('rotation_format') == 'quat_xyzw'
-    x = numbers(element.text or '', 7 if quaternion else 6, refuse, key)
+    form = element.get('rotation_format', _FORMATS[0])
+    if form not in _FORMATS:
+        raise refuse(key, 'no such rotation_format', element, value=form, choices=_FORMATS)
+    quaternion = form == 'quat_xyzw'
+    degrees = is_true(element.get('degrees'), refuse, key, element)
+    x = numbers(element.text or '', 7 if quaternion else 6, refuse, key, element)
     if quaternion:
+        if degrees:
+            raise refuse(key, 'a quaternion has no degrees', element)
         if not np.linalg.norm(x[3:]) > 0.0:
-            raise refuse(key, 'zero is no quaternion')
+            raise refuse(key, 'zero is no quaternion', element)
         return FramePose(x[:3], Rotation.from_quat(x[3:]).as_matrix())
-    degrees = is_true(element.get('degrees'))
     return FramePose(x[:3], Rotation.from_euler('xyz', x[3:], degrees=degrees).as_matrix())

@@ -25,7 +25,7 @@ from alf_ros.exchange import (
 from alf_ros.exchange.robot import GROUND, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, pose_of
 from alf_ros.exchange.sdf_joints import SdfJoints
-from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers
+from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers, says
 
 _GRAVITY = '0 0 -9.8'
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
@@ -57,18 +57,19 @@ class _Reader:
         top = root if world is None else world
         models = [each for each in top if each.tag in ('model', 'include')]
         names = [name for each in (top, *models) if (name := each.get('name'))]
-        gravity = _GRAVITY if world is None else world.findtext('gravity') or _GRAVITY
+        gravity = None if world is None else world.find('gravity')
+        text = (gravity is not None and gravity.text) or _GRAVITY
         self.robot = Robot(names[0] if names else path.stem, str(path), (), _STILL)
-        down = numbers(gravity, 3, self.robot.error, 'gravity')
+        down = numbers(text, 3, self.error, 'gravity', gravity)
         self.robot.gravity = tuple(map(float, down))
-        self.frames = SdfFrames(self.robot.error)
+        self.frames = SdfFrames(self.error)
         self.links: dict[str, RobotPart] = {}
         self.still: set[str] = set()  # links of static models
         self.weightless: set[str] = set()  # links without gravity
         self.joints: list[tuple[str, ElementTree.Element]] = []
         self.visuals: list[tuple[str, str, ElementTree.Element]] = []  # scope, link
         if not models:
-            raise self.robot.error('model', 'there is none', expected='<model> or <world>')
+            raise self.error('model', 'there is none', top, expected='<model> or <world>')
         for other in root.findall('world')[1:]:
             self.robot.leave('elements', f'world {other.get("name", "")}')
         only = models[0].findtext('name') or models[0].get('name') if len(models) == 1 else None
@@ -89,15 +90,15 @@ class _Reader:
     def _scope(self, element: ElementTree.Element, alone: bool) -> None:
         """Models, frames and joints of a world, or of a file with models; one alone has no scope
         of its own, so its names stay short."""
+        sdf_elements.leave_unknown(self.robot, element, element.get('name') or 'the file')
         self._merge(element, WORLD)
         for each in self._models(element):
             self._model(each, '', '' if alone else f'{self._name(each)}::', WORLD)
         for each in element:
             if each.tag == 'link':
                 message = 'merged into a world, where a link has no model'
-                raise self.robot.error(
-                    self._name(each), message, expected='<include> in a <model>'
-                )
+                expected = '<include> in a <model>'
+                raise self.error(self._name(each), message, each, expected=expected)
             if each.tag == 'frame':
                 self._frame(each, '', WORLD)
             elif each.tag == 'joint':
@@ -124,7 +125,7 @@ class _Reader:
     def _merge(self, element: ElementTree.Element, around: str, depth: int = 0) -> None:
         """Put the content of models that are to be merged in the place of their <include>."""
         for each in element.findall('include'):
-            if not is_true(each.get('merge')):
+            if not is_true(each.get('merge'), self.error, 'include', each):
                 continue
             model = self._included(each)
             place = list(element).index(each)
@@ -132,10 +133,12 @@ class _Reader:
             if model is None:
                 continue
             if depth > _DEEPEST:
-                raise self.robot.error('include', 'a model that includes itself')
+                raise self.error('include', 'a model that includes itself', each)
+            sdf_elements.leave_unknown(self.robot, model, model.get('name', ''))
             self._merge(model, MODEL, depth + 1)
             canonical = model.get('canonical_link') or _first_link(model)
-            for n, part in enumerate(sdf_merge.content(model, canonical, around)):
+            parts = sdf_merge.content(model, canonical, around, self.error)
+            for n, part in enumerate(parts):
                 element.insert(place + n, part)
 
     def _included(self, element: ElementTree.Element) -> ElementTree.Element | None:
@@ -172,23 +175,23 @@ class _Reader:
         """A model in the scope `outer`, whose own scope is `scope`. still, blown: whether a model
         around it is static, or feels the wind."""
         if scope.count('::') > _DEEPEST:
-            raise self.robot.error('include', 'a model that includes itself')
-        sdf_elements.leave_unknown(
-            self.robot, element, scope.rstrip(':') or element.get('name', '')
-        )
+            raise self.error('include', 'a model that includes itself', element)
+        name = scope.rstrip(':') or element.get('name', '')
+        sdf_elements.leave_unknown(self.robot, element, name)
         self._merge(element, MODEL)
         pose = element.find('pose')
         to = '' if pose is None else pose.get('relative_to', '')
         placed = element.get('placement_frame') or element.findtext('placement_frame') or ''
         canonical = element.get('canonical_link') or _first_link(element)
-        still |= is_true(element.findtext('static'))
-        blown |= is_true(element.findtext('enable_wind'))
+        still |= says(element, 'static', self.error, name)
+        blown |= says(element, 'enable_wind', self.error, name)
         self.frames.add(
             scope + MODEL,
             self._pose(element),
             self._later(to, outer) if to else above,
             scope + canonical if canonical else WORLD,
             scope + placed if placed else '',
+            at=element,
         )
         for link in element.findall('link'):
             self._link(link, scope, still, blown)
@@ -211,17 +214,17 @@ class _Reader:
         name = scope + self._name(element)
         to = self._relative(element)
         above = self._later(to, scope) if to else scope + MODEL
-        self.frames.add(name, self._pose(element), above)
+        self.frames.add(name, self._pose(element), above, at=element)
         self.links[name] = self._part(element, self._short(name))
         sdf_elements.leave_unknown(self.robot, element, self._short(name))
         if still:
             self.still.add(name)
-        elif is_true(element.findtext('kinematic')):  # no force moves it
+        elif says(element, 'kinematic', self.error, self._short(name)):  # no force moves it
             self.still.add(name)
             self.robot.leave('motion of kinematic bodies', self._short(name))
         else:
             self._leave_of_link(element, self._short(name), blown)
-            if not is_true(element.findtext('gravity') or 'true'):
+            if not says(element, 'gravity', self.error, self._short(name), default=True):
                 self.weightless.add(name)
         shown = (each for each in element if each.tag in sdf_visuals.READ)
         self.visuals += [(scope, name, each) for each in shown]
@@ -234,8 +237,7 @@ class _Reader:
         decay = element.find('velocity_decay')
         if any(number(decay, tag, 0.0, self.error, name) for tag in ('linear', 'angular')):
             self.robot.leave('damping of bodies', name)
-        own = element.findtext('enable_wind')
-        if blown if own is None else is_true(own):
+        if says(element, 'enable_wind', self.error, name, default=blown):
             self.robot.leave('wind', name)
 
     def _frame(self, element: ElementTree.Element, scope: str, default: str) -> None:
@@ -245,7 +247,12 @@ class _Reader:
         above = self._later(to, scope) if to else attached
         placed = element.get(sdf_merge.PLACED)
         self.frames.add(
-            name, self._pose(element), above, attached, scope + placed if placed else ''
+            name,
+            self._pose(element),
+            above,
+            attached,
+            scope + placed if placed else '',
+            at=element,
         )
 
     def _joint(self, element: ElementTree.Element, scope: str) -> None:
@@ -254,7 +261,8 @@ class _Reader:
         above = self._later(to or child, scope)
         own = scope + self._name(element)
         sdf_elements.leave_unknown(self.robot, element, self._short(own))
-        self.frames.add(own, self._pose(element), above, self._later(child, scope))
+        attached = self._later(child, scope)
+        self.frames.add(own, self._pose(element), above, attached, at=element)
         self.joints.append((scope, element))
 
     def _short(self, name: str) -> str:
@@ -273,27 +281,30 @@ class _Reader:
         return '' if pose is None else pose.get('relative_to', '')
 
     def _pose(self, element: ElementTree.Element) -> Any:
-        return pose_of(element.find('pose'), self.robot.error, element.get('name', element.tag))
+        return pose_of(element.find('pose'), self.error, element.get('name', element.tag))
 
     def _name(self, element: ElementTree.Element) -> str:
-        return name_of(element, self.robot.error)
+        return name_of(element, self.error)
 
     def _side(self, element: ElementTree.Element, side: str) -> str:
         given = (element.findtext(side) or '').strip()
         if not given:
-            raise self.robot.error(self._name(element), f'no <{side}>')
+            raise self.error(self._name(element), f'no <{side}>', element)
         return given
 
     def _part(self, element: ElementTree.Element, name: str) -> RobotPart:
         """A link, as if its frame were the world frame: the frame is known later."""
         inertial = element.find('inertial')
-        if inertial is None or inertial.find('mass') is None:
+        if inertial is None or not (inertial.findtext('mass') or '').strip():
             self.robot.leave('mass: default of SDF', name)
-        if inertial is not None and is_true(inertial.get('auto')):
+        if inertial is not None and is_true(inertial.get('auto'), self.error, name, inertial):
             self.robot.leave('inertia by shapes', name)
         if inertial is not None and inertial.find('fluid_added_mass') is not None:
             self.robot.leave('added mass of fluids', name)
-        origin = pose_of(None if inertial is None else inertial.find('pose'), self.error, name)
+        pose = None if inertial is None else inertial.find('pose')
+        if pose is not None and pose.get('relative_to'):  # it is relative to the link
+            self.robot.leave('unknown attributes', f'pose relative_to in inertial of {name}')
+        origin = pose_of(pose, self.error, name)
         inertia = None if inertial is None else inertial.find('inertia')
         mass = number(inertial, 'mass', 1.0, self.error, name)
         ixx, ixy, ixz, iyy, iyz, izz = (
@@ -335,7 +346,12 @@ class _Reader:
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
-        joints = SdfJoints(self.robot, self.frames, self.joints, self._short)
+        held = {
+            scope + self._name(each)
+            for scope, each in self.joints
+            if all(part_of[side] == GROUND for side in sides[id(each)])
+        }
+        joints = SdfJoints(self.robot, self.frames, self.joints, held, self._short)
         for scope, each in self.joints:
             joints.leave(scope, each)
             if sdf_joints.kind_of(each) == 'fixed':
@@ -347,11 +363,11 @@ class _Reader:
             elif parent == child == GROUND:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
-                self.robot.connect(joints.connection(scope, each, parent, child))
+                self.robot.connect(joints.connection(scope, each, parent, child), at=each)
 
     def _visual_frame(self, scope: str, link: str, visual: ElementTree.Element) -> str:
         to = self._relative(visual)
-        return self.frames.find(to, scope) if to else link
+        return self.frames.find(to, scope, visual) if to else link
 
     def _placed(self, name: str, part: RobotPart) -> RobotPart:
         pose = self.frames.pose(name)
@@ -360,12 +376,12 @@ class _Reader:
 
     def _sides(self, scope: str, element: ElementTree.Element) -> tuple[str, str]:
         parent, child = (
-            self.frames.link(self.frames.find(self._side(element, side), scope))
+            self.frames.link(self.frames.find(self._side(element, side), scope, element))
             for side in ('parent', 'child')
         )
         for link in (parent, child):
             if link != WORLD and link not in self.links:
-                raise self.robot.error(self._name(element), 'no link carries it', value=link)
+                raise self.error(self._name(element), 'no link carries it', element, value=link)
         return parent, child
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot
 from alf_ros.exchange.sdf_frames import MODEL, SdfFrames
-from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers
+from alf_ros.exchange.sdf_values import name_of, number, numbers, says
 from alf_ros.exchange.sdf_versions import AXES as _TAGS
 from alf_ros.exchange.sdf_versions import OF_MODEL
 
@@ -40,7 +40,8 @@ def is_known(element: ElementTree.Element) -> bool:
 class SdfJoints:
     """Makes connections from the joints of an SDF.
 
-    joints: all of the file, each after its scope. short: names as the robot has them.
+    joints: all of the file, each after its scope. held: the scoped names of joints between fixed
+    parts. short: names as the robot has them.
     """
 
     def __init__(
@@ -48,10 +49,11 @@ class SdfJoints:
         robot: Robot,
         frames: SdfFrames,
         joints: Sequence[tuple[str, ElementTree.Element]],
+        held: Container[str],
         short: Callable[[str], str],
     ) -> None:
         self._robot, self._frames, self._short = robot, frames, short
-        self._joints = joints
+        self._joints, self._held = joints, held
 
     def connection(
         self, scope: str, element: ElementTree.Element, parent: str, child: str
@@ -63,7 +65,7 @@ class SdfJoints:
         tags = _TAGS[: AXES.get(kind, 1)]
         axes = tuple(self._axis(scope, element, tag) for tag in tags)
         if len(axes) == 2 and abs(axes[0] @ axes[1]) > _PERPENDICULAR:
-            raise self._robot.error(name, 'its two axes are not perpendicular')
+            raise self._robot.error(name, 'its two axes are not perpendicular', element)
         if len(axes) != 1:
             self._leave_of_axes(element, tags, name)
             return Connection(name, kind, parent, child, place, axes)
@@ -118,7 +120,7 @@ class SdfJoints:
         if self._number(ode, 'max_force', 0.0, name) != 0.0:
             leave('actuators', f'{name} (max_force of ODE)')
         for tag in _SCHEMES:
-            if ode is not None and is_true(ode.findtext(tag)):
+            if says(ode, tag, self._robot.error, name):
                 leave('elements', f'{tag} of {name}')
 
     def _differs(
@@ -155,23 +157,25 @@ class SdfJoints:
         self, limit: ElementTree.Element | None, tag: str, default: float, name: str
     ) -> float:
         """A number that may be infinite; from 1e15 on it is."""
-        text = '' if limit is None else (limit.findtext(tag) or '').strip()
+        inner = None if limit is None else limit.find(tag)
+        text = '' if inner is None else (inner.text or '').strip()
         try:
             x = float(text or default)
         except ValueError:
             x = math.nan
         if math.isnan(x):
-            raise self._robot.error(name, 'not a number', value=text)
+            raise self._robot.error(name, 'not a number', inner, value=text)
         return x if abs(x) < _ENDLESS else math.copysign(math.inf, x)
 
     def _mimic(self, scope: str, name: str, element: ElementTree.Element) -> None:
         """x = multiplier (other - reference) + offset, of a joint with one axis."""
         error = self._robot.error
-        other = self._frames.find(element.get('joint', ''), scope)
+        other = self._frames.find(element.get('joint', ''), scope, element)
         if self._short(other) == name:
-            raise error(name, 'it mimics itself')
+            raise error(name, 'it mimics itself', element)
         kinds = [kind_of(each) for at, each in self._joints if at + name_of(each, error) == other]
-        if kinds[:1] not in (['revolute'], ['continuous'], ['prismatic']):
+        single = kinds[:1] in (['revolute'], ['continuous'], ['prismatic'])
+        if not single or element.get('axis', 'axis') != 'axis':
             self._robot.leave('mimic', name)
             return
         factor, reference, offset = (
@@ -180,7 +184,8 @@ class SdfJoints:
         )
         if offset != factor * reference:
             self._robot.leave('phase of mimic', name)
-        of = {name: 1.0} | ({self._short(other): -factor} if factor else {})
+        moves = factor != 0.0 and other not in self._held
+        of = {name: 1.0} | ({self._short(other): -factor} if moves else {})
         self._robot.couplings.append(Coupled(f'{name}_mimic', of))
 
     def _pitch(self, element: ElementTree.Element, name: str) -> float:
@@ -192,7 +197,7 @@ class SdfJoints:
             return _PITCH
         per_metre = self._number(element, 'thread_pitch', 1.0, name)
         if per_metre == 0.0:
-            raise self._robot.error(name, 'a thread without pitch')
+            raise self._robot.error(name, 'a thread without pitch', element)
         return -2.0 * np.pi / per_metre
 
     def _axis(self, scope: str, element: ElementTree.Element, tag: str) -> Floats:
@@ -201,13 +206,14 @@ class SdfJoints:
         axis = element.find(tag)
         axis = ElementTree.Element(tag) if axis is None else axis
         xyz = axis.find('xyz')
-        u = numbers((xyz is not None and xyz.text) or '0 0 1', 3, self._robot.error, name)
+        error = self._robot.error
+        u = numbers((xyz is not None and xyz.text) or '0 0 1', 3, error, name, xyz)
         if not np.linalg.norm(u) > 0.0:
-            raise self._robot.error(name, 'zero is no direction')
+            raise error(name, 'zero is no direction', xyz)
         given = '' if xyz is None else xyz.get('expressed_in', '')
         if given:
-            frame = self._frames.find(given, scope)
+            frame = self._frames.find(given, scope, xyz)
         else:
-            frame = scope + (MODEL if is_true(axis.findtext(OF_MODEL)) else name)
+            frame = scope + (MODEL if says(axis, OF_MODEL, error, name) else name)
         turned = self._frames.pose(frame).turn @ (u / np.linalg.norm(u))
         return np.asarray(turned, dtype=float)

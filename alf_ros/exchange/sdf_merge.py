@@ -12,7 +12,7 @@ from __future__ import annotations
 from xml.etree import ElementTree
 
 from alf_ros.exchange.sdf_frames import MODEL
-from alf_ros.exchange.sdf_values import is_true
+from alf_ros.exchange.sdf_values import Refuse, is_true
 from alf_ros.exchange.sdf_versions import OF_MODEL
 
 PLACED = 'placement_frame'  # an attribute of the frame, which SDF itself does not have
@@ -21,10 +21,12 @@ _NESTED = ('model', 'include')
 _OF_MODEL = ('link', 'joint', 'frame', 'plugin', 'gripper', 'model_state', *_NESTED)
 
 
-def content(model: ElementTree.Element, canonical: str, around: str) -> list[ElementTree.Element]:
+def content(
+    model: ElementTree.Element, canonical: str, around: str, refuse: Refuse
+) -> list[ElementTree.Element]:
     """The elements that stand for a model, which changes, in the frame `around` it.
 
-    canonical: the name of its canonical link; '' if it has none.
+    canonical: the name of its canonical link; '' if it has none. Raises the error.
     """
     own = f'_merged__{model.get("name", "")}{MODEL}'
     frame = ElementTree.Element('frame', {'name': own})
@@ -52,7 +54,7 @@ def content(model: ElementTree.Element, canonical: str, around: str) -> list[Ele
                 own_pose.set('relative_to', own)
         elif each.tag == 'joint':
             for axis in (*each.findall('axis'), *each.findall('axis2')):
-                _express(axis, own)
+                _express(axis, own, refuse)
     return [frame, *found]
 
 
@@ -68,10 +70,10 @@ def _rename(element: ElementTree.Element, own: str) -> None:
             _rename(each, own)
 
 
-def _express(axis: ElementTree.Element, own: str) -> None:
+def _express(axis: ElementTree.Element, own: str, refuse: Refuse) -> None:
     """An axis in the frame of the model is one in the frame that stands for it."""
     flag = axis.find(OF_MODEL)
-    if flag is None or not is_true(flag.text):
+    if flag is None or not is_true(flag.text, refuse, axis.tag, flag):
         return
     xyz = axis.find('xyz')
     if xyz is None:

@@ -10,25 +10,30 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.scene.text.yaml_document import LARGEST
 
-Refuse = Callable[..., Exception]  # key, message, details -> the error to raise
+_TRUE, _FALSE = ('true', '1'), ('false', '0')
+Refuse = Callable[..., Exception]  # key, message, element, details -> the error
 
 
 def name_of(element: ElementTree.Element, refuse: Refuse) -> str:
     """The name of an element. Raises the error without one."""
     given = element.get('name', '')
     if not given:
-        raise refuse(element.tag, 'it has no name')
+        raise refuse(element.tag, 'it has no name', at=element)
     return given
 
 
-def numbers(text: str, count: int, refuse: Refuse, key: str) -> Floats:
-    """So many numbers, that can be computed with. Raises the error."""
+def numbers(
+    text: str, count: int, refuse: Refuse, key: str, at: ElementTree.Element | None = None
+) -> Floats:
+    """So many numbers, that can be computed with, in a text of the element `at`. Raises the
+    error."""
     try:
         found = np.array([float(word) for word in text.split()])
     except ValueError:
         found = np.empty(0)
     if found.size != count or not np.all(np.abs(found) <= LARGEST):
-        raise refuse(key, 'not usable numbers', value=text.strip(), expected=f'{count} numbers')
+        expected = 'a number' if count == 1 else f'{count} numbers'
+        raise refuse(key, 'not usable numbers', at=at, value=text.strip(), expected=expected)
     return found
 
 
@@ -36,12 +41,30 @@ def number(
     element: ElementTree.Element | None, tag: str, default: float, refuse: Refuse, key: str
 ) -> float:
     """The number in an element below another. Raises the error."""
-    text = None if element is None else element.findtext(tag)
-    if text is None or not text.strip():
+    inner = None if element is None else element.find(tag)
+    if inner is None or not (inner.text or '').strip():
         return default
-    return float(numbers(text, 1, refuse, key)[0])
+    return float(numbers(inner.text or '', 1, refuse, key, inner)[0])
 
 
-def is_true(text: str | None) -> bool:
-    """Whether a text says so."""
-    return (text or '').strip().lower() in ('1', 'true')
+def is_true(
+    text: str | None,
+    refuse: Refuse,
+    key: str,
+    at: ElementTree.Element | None,
+    default: bool = False,
+) -> bool:
+    """Whether a text of the element `at` says so; the default where there is none. Raises the
+    error for another word than SDF has."""
+    word = (text or '').strip().lower()
+    if word not in ('', *_TRUE, *_FALSE):
+        raise refuse(key, 'neither true nor false', at=at, value=text, expected='true or false')
+    return word in _TRUE if word else default
+
+
+def says(
+    element: ElementTree.Element | None, tag: str, refuse: Refuse, key: str, default: bool = False
+) -> bool:
+    """Whether the element below another says so. Raises the error."""
+    inner = None if element is None else element.find(tag)
+    return default if inner is None else is_true(inner.text, refuse, key, inner, default)

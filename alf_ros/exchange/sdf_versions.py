@@ -35,7 +35,11 @@ def root_of(
     if minor is None:
         message, expected = 'not a version of SDF that is read', '1.4 to 1.12'
         raise InputError(
-            message, file=str(path), key='sdf version', value=given, expected=expected
+            message,
+            **xml_file.place_of(root, str(path)),
+            key='sdf version',
+            value=given,
+            expected=expected,
         )
     if minor < _AXES_OF_JOINTS:
         _mark_axes(root)

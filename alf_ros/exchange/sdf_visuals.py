@@ -10,7 +10,7 @@ import numpy as np
 from alf_ros.exchange.robot import GROUND, Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
-from alf_ros.exchange.sdf_values import is_true
+from alf_ros.exchange.sdf_values import Refuse, says
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
 
@@ -46,7 +46,7 @@ def _collide(
     """A plane is one of the ground; what no shape here has is still there."""
     friction, across, found = None, None, None
     contact = element.find('surface/contact')
-    if part != GROUND and contact is not None and _is_filtered(contact):
+    if part != GROUND and contact is not None and _is_filtered(contact, robot.error, name):
         robot.leave('filters of contact', name)
     try:
         friction, across = coefficients(
@@ -69,10 +69,11 @@ def _collide(
     robot.colliders.append(Collider(name.replace(' ', '_'), part, found, friction, across))
 
 
-def _is_filtered(contact: ElementTree.Element) -> bool:
-    """Whether something of a collision passes through it."""
+def _is_filtered(contact: ElementTree.Element, refuse: Refuse, name: str) -> bool:
+    """Whether something of a collision passes through it. Raises the error."""
     mask = (contact.findtext('collide_bitmask') or '').strip()
-    return mask not in ('', *_EVERY) or is_true(contact.findtext('collide_without_contact'))
+    without = says(contact, 'collide_without_contact', refuse, name)
+    return without or mask not in ('', *_EVERY)
 
 
 def coefficients(mu: str | None, mu2: str | None) -> tuple[float, float | None]:

@@ -1,4 +1,4 @@
-"""Elements of a robot file that its format does not have there, or has once.
+"""Elements and attributes of a robot file that its format does not have there, or has once.
 
 Simulators pass over them, as over a misspelt one, and know different extensions. No reader here
 looks at them, so a report names them.
@@ -6,8 +6,10 @@ looks at them, so a report names them.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from xml.etree import ElementTree
+
+_OF_XML = '{http://www.w3.org/'
 
 
 def of(
@@ -25,3 +27,16 @@ def of(
             yield each.tag.rpartition('}')[2], each
         elif each.tag not in several:
             seen.add(each.tag)
+
+
+def attributes(
+    element: ElementTree.Element, known: Mapping[str, Collection[str]]
+) -> Iterator[str]:
+    """Such attributes of an element, each as `TAG ATTRIBUTE`; of elements whose tag is not known
+    none. Attributes of XML itself, such as `xml:base`, belong to every format.
+
+    known: by tag the attributes that it may have.
+    """
+    for name in element.attrib if element.tag in known else ():
+        if name not in known[element.tag] and not name.startswith(_OF_XML):
+            yield f'{element.tag} {name.rpartition("}")[2]}'

@@ -17,14 +17,14 @@ _REDUCTIONS = ('mechanicalReduction', 'mechanical_reduction', 'gear_ratio')
 _ROTORS = ('motorInertia', 'rotor_inertia')
 
 
-def initial_positions(xml: ElementTree.Element) -> dict[str, str]:
-    """The `initial_value` of the position of each joint in <ros2_control>, as it is written."""
+def initial_positions(xml: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """The `initial_value` of the position of each joint in <ros2_control>: its element."""
     found = {}
     for joint in xml.findall('ros2_control/joint'):
         for state in joint.findall('state_interface'):
             for each in state.findall('param'):
                 if state.get('name') == 'position' and each.get('name') == 'initial_value':
-                    found[joint.get('name', '')] = (each.text or '').strip()
+                    found[joint.get('name', '')] = each
     return found
 
 

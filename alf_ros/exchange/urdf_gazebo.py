@@ -9,7 +9,7 @@ from collections.abc import Collection
 from xml.etree import ElementTree
 
 from alf_ros.exchange.robot import Robot
-from alf_ros.exchange.sdf_values import is_true
+from alf_ros.exchange.sdf_values import Refuse, is_true
 
 # without an effect on the motion, besides contact
 _HARMLESS = (
@@ -22,14 +22,18 @@ _HARMLESS = (
 _UNLESS = ('static', 'kinematic', 'enable_wind')  # harmless unless it is so
 _GRAVITY = ('gravity', 'turnGravityOff')
 _NO = ('false', 'no', '0')  # any other word turns gravity off
+_YES = ('true', 'yes', '1')
 
 
-def weightless(xml: ElementTree.Element) -> set[str]:
-    """The links without gravity."""
+def weightless(xml: ElementTree.Element, refuse: Refuse) -> set[str]:
+    """The links without gravity. Raises the error for a <gravity> that SDF does not have."""
     found = set()
     for about, element in _of_links(xml):
-        by_sdf = element.tag == 'gravity' and not is_true(element.text)
-        if by_sdf or (element.tag == 'turnGravityOff' and _word(element) not in _NO):
+        if element.tag == 'gravity':
+            off = not is_true(element.text, refuse, about, element, default=True)
+        else:
+            off = element.tag == 'turnGravityOff' and _word(element) not in _NO
+        if off:
             found.add(about)
     return found
 
@@ -66,7 +70,7 @@ def _is_harmless(element: ElementTree.Element) -> bool:
     """Whether the motion is the same without it."""
     tag = _called(element)
     if tag in _UNLESS:
-        return not is_true(element.text) and _word(element) != 'yes'
+        return _word(element) not in _YES
     return tag in _HARMLESS or tag.startswith('sensor:')
 
 

@@ -27,6 +27,7 @@ from alf_ros.exchange import (
     xml_file,
 )
 from alf_ros.exchange.robot import GROUND, STILL, Connection, Coupled, FramePose, Robot, RobotPart
+from alf_ros.exchange.sdf_values import numbers
 from alf_ros.exchange.urdf_motions import TreeMotion
 from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 
@@ -41,6 +42,22 @@ _READ = {
     'link': ('inertial', 'visual', 'collision'),
     'joint': ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
     + ('calibration', 'safety_controller'),
+    'inertial': ('origin', 'mass', 'inertia'),
+}
+# by element of a link or a joint the attributes that it has
+_ATTRIBUTES = {
+    'link': ('name',),
+    'joint': ('name', 'type'),
+    'inertial': (),
+    'mass': ('value',),
+    'inertia': ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'),
+    'origin': ('xyz', 'rpy'),
+    'axis': ('xyz',),
+    'parent': ('link',),
+    'child': ('link',),
+    'limit': ('lower', 'upper', 'effort', 'velocity'),
+    'dynamics': ('damping', 'friction'),
+    'mimic': ('joint', 'multiplier', 'offset'),
 }
 _SEVERAL_OF = (*_READ['robot'], 'visual', 'collision')
 _HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
@@ -88,7 +105,9 @@ class UrdfReader:
             ('link', self.links, len(self.urdf.links)),
         ):
             if len(things) < count:
-                raise self.error(kind, f'a name of two {kind}s')
+                names = [each.get('name', '') for each in self.xml.findall(kind)]
+                name = next(name for name in names if names.count(name) > 1)
+                raise self.error(name, f'a name of two {kind}s', self._at(kind, name, -1))
         self._above: dict[str, Any] = {}
         self.part_of: dict[str, str] = {}
         self._order = self._ordered(floating)
@@ -100,7 +119,7 @@ class UrdfReader:
         }
         self.part_of = self.robot.add_links(parts, self.part_of)
         masses = {name: part.mass for name, part in parts.items()}
-        self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml))
+        self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml, self.error))
         in_balls = {each for row in self._balls.values() for each in row}
         for joint in self.urdf.joints:
             if joint.name not in in_balls:
@@ -118,16 +137,24 @@ class UrdfReader:
         urdf_visuals.add(self.robot, self.xml, path.parent, self.poses, self.part_of)
         self._leave()
 
-    def error(self, key: str, message: str, **details: Any) -> InputError:
-        """Return an InputError with file and key, see `Robot.error`."""
-        return self.robot.error(key, message, **details)
+    def error(
+        self, key: str, message: str, at: ElementTree.Element | None = None, **details: Any
+    ) -> InputError:
+        """Return an InputError with file, line and key, see `Robot.error`."""
+        return self.robot.error(key, message, at, **details)
 
-    def unit(self, key: str, axis: Any) -> Floats:
-        """A direction; x where none is given, as the format says."""
+    def _at(self, tag: str, name: str, which: int = 0) -> ElementTree.Element | None:
+        """The link or the joint of a name in the file, the first one of several or another."""
+        found = [each for each in self.xml.findall(tag) if each.get('name') == name]
+        return found[which] if found else None
+
+    def unit(self, key: str, axis: Any, at: ElementTree.Element | None) -> Floats:
+        """A direction; x where none is given, as the format says. at: the element that has it.
+        Raises InputError."""
         u = np.array((1.0, 0.0, 0.0) if axis is None else axis, dtype=float)
         size = float(np.linalg.norm(u))
         if not size > 0.0:
-            raise self.error(key, 'zero is no direction')
+            raise self.error(key, 'zero is no direction', at)
         return u / size
 
     # ---------------------------------------------------------------------- where joints are drawn
@@ -158,13 +185,9 @@ class UrdfReader:
     def drawn(self, given: Mapping[str, float]) -> dict[str, float]:
         """Positions of joints: given, from <ros2_control>, and from mimics. Raises InputError."""
         positions = {}
-        for name, text in urdf_actuators.initial_positions(self.xml).items():
+        for name, at in urdf_actuators.initial_positions(self.xml).items():
             if name in self.joints and self.joints[name].type in _MOVES:
-                try:
-                    positions[name] = float(text)
-                except ValueError:
-                    message, expected = 'not a number', 'rad or m'
-                    raise self.error(name, message, value=text, expected=expected) from None
+                positions[name] = float(numbers(at.text or '', 1, self.error, name, at)[0])
         positions |= given
         for name in self.mimics:
             x = self._mimicked(name, positions, ())
@@ -180,7 +203,7 @@ class UrdfReader:
         if name not in self.mimics:
             return positions.get(name, 0.0)
         if name in waiting:
-            raise self.error(name, 'it mimics itself')
+            raise self.error(name, 'it mimics itself', self._at('joint', name))
         other, factor, offset = self.mimics[name]
         return factor * self._mimicked(other, positions, (*waiting, name)) + offset
 
@@ -202,18 +225,19 @@ class UrdfReader:
         for joint in self.urdf.joints:
             for link in (joint.parent, joint.child):
                 if link not in self.links:
-                    raise self.error(joint.name, 'no such link', value=link, choices=self.links)
+                    at, choices = self._at('joint', joint.name), self.links
+                    raise self.error(joint.name, 'no such link', at, value=link, choices=choices)
             if joint.child in self._above:
                 first = self._above[joint.child].name
                 message = f'{joint.child!r} is a child of {first} already: close loops otherwise'
-                raise self.error(joint.name, message)
+                raise self.error(joint.name, message, self._at('joint', joint.name))
             self._above[joint.child] = joint
         for name in self.links:
             chain = [name]
             while chain[-1] in self._above and chain[-1] not in self.part_of:
                 chain.append(self._above[chain[-1]].parent)
                 if len(chain) > len(self.links) + 1:
-                    raise self.error(name, 'this link is its own ancestor')
+                    raise self.error(name, 'this link is its own ancestor', self._at('link', name))
             if chain[-1] not in self.part_of:
                 moves = floating and chain[-1] != 'world'
                 self.part_of[chain[-1]] = chain[-1] if moves else GROUND
@@ -237,8 +261,11 @@ class UrdfReader:
         """The motions of a joint, one after the other; a joint that is fixed has none."""
         if joint.type not in urdf_motions.TYPES:  # its axis may be any, zero as well
             return []
-        axis = None if joint.type == 'floating' else self.unit(joint.name, joint.axis)
-        return urdf_motions.of(joint.name, joint.type, axis)
+        turns = joint.type != 'floating'
+        return urdf_motions.of(joint.name, joint.type, self._axis(joint) if turns else None)
+
+    def _axis(self, joint: Any) -> Floats:
+        return self.unit(joint.name, joint.axis, self._at('joint', joint.name))
 
     def pose_of(self, joint: Any, positions: Mapping[str, float]) -> FramePose:
         """Of the child's frame in the parent's, at positions of joints (rad, m)."""
@@ -281,7 +308,7 @@ class UrdfReader:
                 self.part_of[joint.parent],
                 self.part_of[joint.child],
                 pose.origin,
-                (pose.turn @ self.unit(joint.name, joint.axis),),
+                (pose.turn @ self._axis(joint),),
                 drawn,
                 (joint.limit.lower or 0.0, joint.limit.upper or 0.0) if turns else None,
                 float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
@@ -295,12 +322,15 @@ class UrdfReader:
         place = self.poses[last.child].origin
         self.robot.connect(Connection(name, 'spherical', parent, child, place))
 
-    def part(self, link: str, key: str) -> tuple[str, FramePose]:
-        """The part that a link of a loop belongs to, and the link's pose."""
+    def part(
+        self, link: str, key: str, at: ElementTree.Element | None = None
+    ) -> tuple[str, FramePose]:
+        """The part that a link of a loop belongs to, and the link's pose. at: the element that
+        names it. Raises InputError."""
         if link in (GROUND_IN_FILES, 'world') and link not in self.links:
             return GROUND, STILL
         if link not in self.links:
-            raise self.error(key, 'no such link', value=link, choices=self.links)
+            raise self.error(key, 'no such link', at, value=link, choices=self.links)
         return self.part_of[link], self.poses[link]
 
     # ----------------------------------------------------------------------------------- the rest
@@ -332,6 +362,18 @@ class UrdfReader:
                 called = each.get('name', '') if is_top else f'of {element.get("name", "")}'
                 kind = 'elements' if tag in _HARMLESS else 'unknown elements'
                 self.robot.leave(kind, f'{tag} {called}'.strip())
+            if element is not self.xml:
+                self._leave_inside(element)
+
+    def _leave_inside(self, element: ElementTree.Element) -> None:
+        """Note what URDF does not have further inside a link or a joint."""
+        name, inner = element.get('name', ''), element.findall('inertial')
+        for each in inner:
+            for tag, _ in unknown_elements.of(each, _READ['inertial'], ()):
+                self.robot.leave('unknown elements', f'{tag} of {name}')
+        for each in (element, *element, *(part for one in inner for part in one)):
+            for attribute in unknown_elements.attributes(each, _ATTRIBUTES):
+                self.robot.leave('unknown attributes', f'{attribute} of {name}')
 
 
 def _parsed(
@@ -351,14 +393,14 @@ def _parsed(
             kept = [each for each in element if each.tag not in ('visual', 'collision')]
             ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
     for part in plain:
-        urdf_numbers.checked(part, xml, path)
+        urdf_numbers.checked(part, path)
     told, core.on_error = core.on_error, lambda message: None  # unknown elements are listed here
     try:
         robot = urdf.URDF.from_xml_string(ElementTree.tostring(plain))
     except core.ParseError as error:
-        where, _, what = str(error).partition(':')
-        message = f'{what.strip()} in {re.sub("^ParseError in ", "", where)}'
-        raise InputError(message, file=str(path)) from None
+        where, _, what = re.sub('^ParseError in ', '', str(error)).partition(':')
+        place = xml_file.place_of(_found(xml, where), str(path))
+        raise InputError(f'{what.strip()} in {where}', **place) from None
     except (TypeError, ValueError, KeyError, AttributeError, AssertionError) as error:  # unchecked
         raise InputError(f'urdf_parser_py cannot read it: {error}', file=str(path)) from None
     finally:
@@ -366,6 +408,15 @@ def _parsed(
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
     return xml, robot
+
+
+def _found(xml: ElementTree.Element, where: str) -> ElementTree.Element | None:
+    """The element at a path of urdf_parser_py, `/robot[@name='r']/link[@name='a']/inertial`."""
+    inside = re.sub(r"^/robot(\[@name='.*?'\])?", '.', where)
+    try:
+        return xml.find(inside)
+    except (SyntaxError, KeyError):  # a name with a quotation mark
+        return None
 
 
 def _pose(origin: Any) -> FramePose:

@@ -17,6 +17,9 @@ from scipy.spatial.transform import Rotation
 from alf_ros.arrays import Floats
 from alf_ros.exchange import two_ended_loops, urdf_gazebo
 from alf_ros.exchange.robot import AXES, STILL, TYPES, FramePose
+from alf_ros.exchange.sdf_frames import MODEL, pose_of
+from alf_ros.exchange.sdf_values import says
+from alf_ros.exchange.sdf_versions import OF_MODEL
 from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
 
@@ -55,21 +58,22 @@ def _gazebo(
     reader: UrdfReader, element: ElementTree.Element, zero: dict[str, FramePose]
 ) -> TwoEndedLoop:
     name = element.get('name', 'gazebo_joint')
-    kind = _kind(reader, name, element.get('type', ''))
+    kind = _kind(reader, name, element)
     sides = [(element.findtext(side) or '').strip() for side in ('parent', 'child')]
     for side in sides:
-        reader.part(side, name)
-    x = _floats(reader, name, element.findtext('pose'), (*_NONE, *_NONE))
-    frame = zero.get(sides[1], STILL) @ _frame(x[:3], x[3:])
+        reader.part(side, name, element)
+    pose = element.find('pose')
+    _only(reader, name, pose, 'relative_to', (sides[1],))
+    frame = zero.get(sides[1], STILL) @ pose_of(pose, reader.error, name)
     axes = []
     for tag in ('axis', 'axis2')[: AXES[kind]]:
         axis = element.find(tag)
         xyz = None if axis is None else axis.find('xyz')
         if axis is None or xyz is None:
-            raise reader.error(name, f'no <xyz> in <{tag}>')
-        u = reader.unit(name, _floats(reader, name, xyz.text, (0.0, 0.0, 1.0)))
-        of_model = (axis.findtext('use_parent_model_frame') or '').strip() in ('1', 'true')
-        of_model |= xyz.get('expressed_in') == '__model__'
+            raise reader.error(name, f'no <xyz> in <{tag}>', element)
+        _only(reader, name, xyz, 'expressed_in', (MODEL, name))
+        u = reader.unit(name, _floats(reader, name, xyz, xyz.text, (0.0, 0.0, 1.0)), xyz)
+        of_model = says(axis, OF_MODEL, reader.error, name) or xyz.get('expressed_in') == MODEL
         axes.append(u if of_model else frame.turn @ u)
     return two_ended_loops.drawn(name, kind, sides, frame.origin, axes, zero, reader.file)
 
@@ -80,7 +84,7 @@ def _constraint(
     """An axis has no direction, and a `prismatic` turns about its axis as little as it can from
     how both sides are with all joints at zero."""
     name = element.get('name', 'constraint')
-    kind = _kind(reader, name, element.get('type', ''))
+    kind = _kind(reader, name, element)
     first, second = (_end(reader, element, side, kind) for side in ('parent', 'child'))
     if kind == 'prismatic':
         one, other = (zero.get(end.link, STILL) @ end.frame for end in (first, second))
@@ -95,29 +99,52 @@ def _end(reader: UrdfReader, element: ElementTree.Element, side: str, kind: str)
     name = element.get('name', 'constraint')
     link = element.find(side)
     body = '' if link is None else link.get('link', '')
-    reader.part(body, name)
+    reader.part(body, name, element if link is None else link)
     origin, axis = element.find(f'{side}_origin'), element.find(f'{side}_axis')
     at = {} if origin is None else origin.attrib
-    xyz, rpy = (_floats(reader, name, at.get(key), _NONE) for key in ('xyz', 'rpy'))
+    xyz, rpy = (_floats(reader, name, origin, at.get(key), _NONE) for key in ('xyz', 'rpy'))
     frame = _frame(xyz, rpy)
     if AXES[kind]:
         given = None if axis is None else axis.get('xyz')
-        u = reader.unit(name, _floats(reader, name, given, (1.0, 0.0, 0.0)))
+        u = reader.unit(name, _floats(reader, name, axis, given, (1.0, 0.0, 0.0)), axis)
         frame = FramePose(frame.origin, frame.turn @ rotation_to(u))
     return LoopEnd(body, frame)
 
 
-def _kind(reader: UrdfReader, name: str, given: str) -> str:
+def _kind(reader: UrdfReader, name: str, element: ElementTree.Element) -> str:
+    given = element.get('type', '')
     if given not in TYPES:
-        raise reader.error(name, 'unknown type of joint', value=given, choices=TYPES)
+        raise reader.error(name, 'unknown type of joint', element, value=given, choices=TYPES)
     return TYPES[given]
+
+
+def _only(
+    reader: UrdfReader,
+    name: str,
+    element: ElementTree.Element | None,
+    attribute: str,
+    frames: tuple[str, ...],
+) -> None:
+    """Refuse an attribute with another frame than these."""
+    given = '' if element is None else element.get(attribute, '')
+    if given and given not in frames:
+        expected = ' or '.join(frames)
+        raise reader.error(
+            name, f'no frame for {attribute} here', element, value=given, expected=expected
+        )
 
 
 def _frame(xyz: Floats, rpy: Floats) -> FramePose:
     return FramePose(xyz, Rotation.from_euler('xyz', rpy).as_matrix())
 
 
-def _floats(reader: UrdfReader, name: str, text: str | None, default: tuple[float, ...]) -> Floats:
+def _floats(
+    reader: UrdfReader,
+    name: str,
+    at: ElementTree.Element | None,
+    text: str | None,
+    default: tuple[float, ...],
+) -> Floats:
     if text is None:
         return np.array(default)
     try:
@@ -125,5 +152,6 @@ def _floats(reader: UrdfReader, name: str, text: str | None, default: tuple[floa
     except ValueError:
         values = np.empty(0)
     if values.size != len(default) or not np.all(np.isfinite(values)):
-        raise reader.error(name, 'not numbers', value=text, expected=f'{len(default)} numbers')
+        expected = f'{len(default)} numbers'
+        raise reader.error(name, 'not numbers', at, value=text, expected=expected)
     return values

@@ -26,21 +26,30 @@ _COUNTS = {
 }
 
 
-def checked(part: ElementTree.Element, root: ElementTree.Element, path: Path) -> None:
-    """Refuse attributes of a link or a joint that are no numbers, or cannot be computed with.
+_NEEDED = {'mass': 'value', 'axis': 'xyz'}  # attributes that the parser takes for granted
 
-    root: of the file, for the line. Elements that URDF does not have are not looked at. Raises
-    InputError.
+
+def checked(part: ElementTree.Element, path: Path) -> None:
+    """Refuse attributes of a link or a joint that are no numbers, cannot be computed with, or are
+    absent.
+
+    Elements that URDF does not have are not looked at. Raises InputError.
     """
     for element in (*part, *(each for inner in part.findall('inertial') for each in inner)):
+        needed = _NEEDED.get(element.tag)
+        if needed is not None and needed not in element.attrib:
+            raise InputError(
+                f'it has no {needed}',
+                **xml_file.place_of(element, str(path)),
+                key=f'{part.tag} {part.get("name", "")}: {element.tag}',
+            )
         for attribute, count in _COUNTS.get(element.tag, {}).items():
             given = element.get(attribute)
             message = None if given is None else _fault(given, count)
             if message is not None:
                 raise InputError(
                     message,
-                    file=str(path),
-                    line=xml_file.line_of(element, root, path),
+                    **xml_file.place_of(element, str(path)),
                     key=f'{part.tag} {part.get("name", "")}: {element.tag} {attribute}',
                     value=given,
                     expected='a number' if count == 1 else f'{count} numbers',

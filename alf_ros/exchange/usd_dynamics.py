@@ -108,10 +108,15 @@ def add_actuators(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
             continue
         if not joint.degree or drive not in (joint.degree, _SHORT[joint.kind]):
             robot.leave('actuators', f'{joint.name} ({drive})')
-        elif stage.word(joint.prim, f'drive:{drive}:physics:type') == 'acceleration':
+        elif _kind(stage, joint, drive) == 'acceleration':
             robot.leave('actuators', f'{joint.name} (it sets accelerations)')
         else:
             robot.actuators.append(_drive(stage, robot, joint, drive))
+
+
+def _kind(stage: UsdStage, joint: UsdJoint, drive: str) -> str:
+    name = f'drive:{drive}:physics:type'
+    return stage.choice(joint.prim, name, 'force', ('force', 'acceleration'))
 
 
 def _drive(stage: UsdStage, robot: Robot, joint: UsdJoint, drive: str) -> Actuator:

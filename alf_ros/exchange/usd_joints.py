@@ -215,8 +215,7 @@ class _Reader:
             return TURNS
         if kind == 'any':
             return tuple(each for each in (*SLIDES, *TURNS) if not self._is_locked(prim, each))
-        axis = self._stage.word(prim, 'physics:axis', 'X')
-        return (kind + (axis if axis in 'XYZ' else 'X'),)
+        return (kind + self._stage.choice(prim, 'physics:axis', 'X', tuple('XYZ')),)
 
     def _is_locked(self, prim: Any, degree: str) -> bool:
         if f'PhysicsLimitAPI:{degree}' not in self._stage.schemas(prim):

@@ -44,7 +44,7 @@ def sizes(stage: UsdStage, prim: Any) -> tuple[float, ...]:
 
 def along(stage: UsdStage, prim: Any) -> Floats:
     """(3, 3) the axes of a cylinder, capsule or cone along z, in the frame of the prim."""
-    return TO_AXIS.get(stage.word(prim, 'axis', 'Z'), TO_AXIS['Z'])
+    return TO_AXIS[stage.choice(prim, 'axis', 'Z', tuple(TO_AXIS))]
 
 
 def _local(stage: UsdStage, prim: Any) -> Solid:

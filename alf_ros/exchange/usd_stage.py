@@ -190,6 +190,14 @@ class UsdStage:
         value = attribute.Get() if attribute else None
         return value if isinstance(value, str) else default
 
+    def choice(self, prim: Any, name: str, default: str, among: Sequence[str]) -> str:
+        """The token of an attribute, which is one of several; `default` where it has none. Raises
+        InputError."""
+        found = self.word(prim, name, default)
+        if found not in among:
+            raise self.error(f'{prim.GetPath()} {name}', 'not known', value=found, choices=among)
+        return found
+
     def holds(self, prim: Any, name: str, default: bool) -> bool:
         """Whether an attribute is true; `default` where it is absent."""
         attribute = prim.GetAttribute(name)

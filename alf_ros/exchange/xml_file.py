@@ -1,5 +1,7 @@
 """The XML of a robot file, whatever stands in it: xacro expanded, prefixes without declaration.
 
+Each element knows its file and its line.
+
 Many files use prefixes (`gazebo:`, `sensor:`, `body:`) that they do not declare. What such
 elements say is none of ours, so they get a declaration and are listed as what they are.
 """
@@ -9,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -21,6 +24,14 @@ XACRO = 'http://www.ros.org/wiki/xacro'
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
+
+
+class PlacedElement(ElementTree.Element):
+    """An element of a file, with the line on which it begins; None for a xacro, which is
+    expanded."""
+
+    file = ''
+    line: int | None = None
 
 
 def kind_of(path: Path) -> str:
@@ -37,17 +48,34 @@ def root_of(path: Path, arguments: Mapping[str, str] | None = None) -> ElementTr
     """
     root = _parsed(paths.content(path, LARGEST_FILE), path)
     if _is_xacro(root, path):
-        return _parsed(xacro_file.expanded(path, arguments or {}), path)
+        return _parsed(xacro_file.expanded(path, arguments or {}), path, expanded=True)
     if arguments:
         raise InputError('for xacro only', key='--argument', value=next(iter(arguments)))
     return root
 
 
-def _parsed(text: bytes, path: Path) -> ElementTree.Element:
+def _parsed(text: bytes, path: Path, expanded: bool = False) -> ElementTree.Element:
+    declared = _declared(text)
+    builder = ElementTree.TreeBuilder(element_factory=PlacedElement)
     try:
-        return ElementTree.fromstring(_declared(text))
-    except (ElementTree.ParseError, ValueError) as error:
+        root: ElementTree.Element = ElementTree.fromstring(
+            declared, ElementTree.XMLParser(target=builder)
+        )
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # an unknown encoding
         raise InputError(f'not XML: {error}', file=str(path)) from None
+    for element, line in zip(root.iter(), _lines(declared), strict=True):
+        if isinstance(element, PlacedElement):
+            element.file, element.line = str(path), None if expanded else line
+    return root
+
+
+def _lines(text: bytes) -> list[int]:
+    """Of each element of a text that is XML the line on which it begins."""
+    lines: list[int] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda tag, attributes: lines.append(parser.CurrentLineNumber)
+    parser.Parse(text, True)
+    return lines
 
 
 def _declared(text: bytes) -> bytes:
@@ -62,16 +90,11 @@ def _declared(text: bytes) -> bytes:
     return text[: root.end()] + more + text[root.end() :]
 
 
-def line_of(element: ElementTree.Element, root: ElementTree.Element, path: Path) -> int | None:
-    """The line on which an element of `root_of` begins; None for a xacro, which is expanded."""
-    if _is_xacro(root, path):
-        return None
-    number = next((n for n, each in enumerate(root.iter()) if each is element), None)
-    lines: list[int] = []
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda tag, attributes: lines.append(parser.CurrentLineNumber)
-    parser.Parse(_declared(paths.content(path, LARGEST_FILE)), True)
-    return None if number is None else lines[number]
+def place_of(element: ElementTree.Element | None, file: str) -> dict[str, Any]:
+    """File and line of an InputError about an element; `file` alone if it is of no file."""
+    if not isinstance(element, PlacedElement):
+        return {'file': file}
+    return {'file': element.file, 'line': element.line}
 
 
 def _is_xacro(root: ElementTree.Element, path: Path) -> bool:

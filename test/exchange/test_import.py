@@ -139,7 +139,7 @@ MISTAKES = {
         ('mass value="1.0"', 'mass value="one"'),
         r'it.urdf:\d: link upper: mass value: not a number, got',
     ),
-    'no mass': (('mass value="1.0"', 'mass'), 'cannot read it'),
+    'no mass': (('mass value="1.0"', 'mass'), 'link upper: mass: it has no value'),
     'nan': (
         ('xyz="1.0 0 0"', 'xyz="nan 0 0"'),
         "elbow: origin xyz: not usable numbers, got 'nan 0 0'",

@@ -237,7 +237,7 @@ def test_an_effort_limit_of_zero_is_none_and_listed(tmp_path: Path) -> None:
 
 
 MISTAKES = {
-    'number': (('>0.4<', '>much<'), "one: not a number, got 'much'"),
+    'number': (('>0.4<', '>much<'), "one: not usable numbers, got 'much'"),
     'circle': (
         ('name="one" type="continuous">', 'name="one" type="continuous"><mimic joint="two"/>'),
         'it mimics itself',

@@ -181,3 +181,135 @@ def test_a_wrong_link_in_a_side_file_has_its_line(tmp_path: Path) -> None:
         main([path, '--loops', side])
     assert str(caught.value).startswith(f'{side}:2: loops.eye.between[1]: ')
     assert "got 'uper'; did you mean 'upper'" in str(caught.value)
+
+
+SDF = """<sdf version="1.9"><model name="m">
+<link name="a"><inertial>
+<mass>1</mass></inertial></link>
+<link name="b">
+<pose relative_to="a">1 0 0 0 0 0</pose></link>
+<joint name="q" type="revolute"><parent>a</parent>
+<child>b</child><axis>
+<xyz>0 1 0</xyz>
+<limit><lower>-1</lower></limit></axis></joint>
+</model></sdf>"""
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'line', 'message'),
+    [
+        ('<mass>1', '<mass>1,5', 3, "a: not usable numbers, got '1,5'; expected a number"),
+        ('1 0 0 0 0 0', '1 0 0 0 0', 5, "b: not usable numbers, got '1 0 0 0 0'; expected 6"),
+        ('relative_to="a"', 'relative_to="c"', 5, "c: no such frame, got 'c'"),
+        ('relative_to="a"', 'relative_to="b"', 5, 'b: its pose is relative to itself'),
+        ('relative_to', 'degrees="yes" relative_to', 5, "b: neither true nor false, got 'yes'"),
+        ('relative_to', 'rotation_format="rpy" relative_to', 5, 'b: no such rotation_format'),
+        ('<link name="b">', '<link name="a">', 4, 'a: a name of two frames'),
+        ('<link name="b">', '<link>', 4, 'link: it has no name'),
+        ('<child>b', '<child>c', 6, "c: no such frame, got 'c'"),
+        ('<child>b</child>', '', 6, 'q: no <child>'),
+        ('<child>b', '<child>a', 6, "q: both sides are of one body, 'a'"),
+        ('<xyz>0 1 0', '<xyz>0 0 0', 8, 'q: zero is no direction'),
+        ('<xyz>', '<xyz expressed_in="c">', 8, "c: no such frame, got 'c'"),
+        ('<lower>-1', '<lower>-1 rad', 9, "q: not a number, got '-1 rad'"),
+        ('version="1.9"', 'version="2"', 1, "sdf version: not a version of SDF that is read, got"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_an_sdf_has_its_line(
+    old: str, new: str, line: int, message: str, tmp_path: Path
+) -> None:
+    path = saved(tmp_path, 'it.sdf', SDF.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    assert str(caught.value).startswith(f'{path}:{line}: {message}')
+
+
+def test_a_mistake_in_an_included_sdf_has_that_file(tmp_path: Path) -> None:
+    """The file that includes it was named."""
+    part = saved(tmp_path, 'part.sdf', SDF.replace('<mass>1', '<mass>one'))
+    include = '<sdf version="1.9"><world name="w">\n<include><uri>part.sdf</uri>\n{}</include>'
+    path = saved(tmp_path, 'it.sdf', include.format('') + '</world></sdf>')
+    with pytest.raises(InputError, match='not usable numbers') as caught:
+        imported(path)
+    assert str(caught.value).startswith(f'{part}:3: ')
+    saved(tmp_path, 'part.sdf', SDF)
+    pose = '<pose relative_to="c">0 0 0 0 0 0</pose>'
+    saved(tmp_path, 'it.sdf', include.format(pose) + '</world></sdf>')
+    with pytest.raises(InputError, match='no such frame') as caught:
+        imported(path)
+    assert str(caught.value).startswith(f'{path}:3: ')
+
+
+URDF = """<robot name="r"><link name="base"/>
+<link name="a"><inertial>
+<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="b"/>
+<joint name="p" type="continuous"><parent link="base"/><child link="a"/>
+<axis xyz="0 1 0"/></joint>
+<joint name="q" type="fixed"><parent link="a"/><child link="b"/></joint>
+MORE</robot>"""
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'line', 'message'),
+    [
+        ('<mass value="1"/>', '<mass/>', 3, 'link a: mass: it has no value'),
+        ('<axis xyz="0 1 0"/>', '<axis/>', 6, 'joint p: axis: it has no xyz'),
+        ('izz="1"', '', 3, 'Required attribute not set in XML: izz in '),
+        ('continuous', 'continous', 5, 'Invalid joint type: continous in '),
+        ('<link name="b"/>', '<link/>', 4, 'Required attribute not set in XML: name in '),
+        ('<link name="b"/>', '<link name="a"/>', 4, 'a: a name of two links'),
+        ('name="q"', 'name="p"', 7, 'p: a name of two joints'),
+        ('0 1 0', '0 0 0', 5, 'p: zero is no direction'),
+        ('link="a"/><child link="b"', 'link="c"/><child link="b"', 7, "q: no such link, got 'c'"),
+        ('link="base"/><child', 'link="b"/><child', 2, 'a: this link is its own ancestor'),
+        ('MORE', '<gazebo reference="a"><gravity>no</gravity></gazebo>', 8,
+         "a: neither true nor false, got 'no'"),
+        ('MORE', '<constraint name="l" type="weld"><parent link="c"/></constraint>', 8,
+         "l: no such link, got 'c'"),
+        ('MORE', '<gazebo><joint name="l" type="ball"><parent>b</parent><child>base</child>'
+         '<pose relative_to="a">1 0 0 0 0 0</pose></joint></gazebo>', 8,
+         "l: no frame for relative_to here, got 'a'; expected base"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_urdf_has_its_line(
+    old: str, new: str, line: int, message: str, tmp_path: Path
+) -> None:
+    path = saved(tmp_path, 'it.urdf', URDF.replace(old, new).replace('MORE', ''))
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    assert str(caught.value).startswith(f'{path}:{line}: {message}')
+
+
+@pytest.mark.parametrize('name', ['it.urdf', 'it.sdf', 'it.xacro'])
+def test_an_unknown_encoding_is_one_line(name: str, tmp_path: Path) -> None:
+    """It was a traceback."""
+    head = '<?xml version="1.0" encoding="uft-8"?>'
+    text = head + (SDF if name == 'it.sdf' else URDF.replace('MORE', ''))
+    with pytest.raises(InputError, match='not XML: unknown encoding: uft-8'):
+        imported(saved(tmp_path, name, text))
+
+
+PARAM = '<param name="initial_value">{}</param>'
+CONTROL = f"""<ros2_control><joint name="p"><state_interface name="position">
+{PARAM}</state_interface></joint></ros2_control>"""
+
+
+@pytest.mark.parametrize('x', ['nan', '1e300', '0,3'])
+def test_a_position_of_ros2_control_is_a_number(x: str, tmp_path: Path) -> None:
+    """Others ended in tracebacks of numpy."""
+    path = saved(tmp_path, 'it.urdf', URDF.replace('MORE', CONTROL.format(x)))
+    with pytest.raises(InputError, match=f"it.urdf:9: p: not usable numbers, got '{x}'"):
+        imported(path)
+
+
+@pytest.mark.parametrize('x', ['nan', '1e300'])
+def test_a_position_can_be_computed_with(x: str, tmp_path: Path) -> None:
+    """Others ended in tracebacks of numpy."""
+    path = saved(tmp_path, 'it.urdf', URDF.replace('MORE', ''))
+    with pytest.raises(InputError, match="--set: not a usable number for 'p', got "):
+        imported(path, positions={'p': float(x)})
+    source = f"""<mujoco><worldbody><body><joint name="p" type="slide"/><geom size="1"/></body>
+    </worldbody><keyframe><key name="k" qpos="{x}"/></keyframe></mujoco>"""
+    with pytest.raises(InputError, match='it.xml: qpos: not usable numbers'):
+        imported(saved(tmp_path, 'it.xml', source), key='k')

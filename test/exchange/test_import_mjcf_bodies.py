@@ -90,3 +90,26 @@ def test_a_mechanism_alone_lists_both(tmp_path: Path) -> None:
     text = imported(saved(tmp_path, 'it.xml', robot(MOVING, *'111')), key='k')
     assert 'compensation of gravity (see --scene): these bodies have their whole weight' in text
     assert 'velocities of bodies (see --scene): the motion starts at rest: l1, l2, ' in text
+
+
+@pytest.mark.parametrize(
+    ('flag', 'actuator'), [('', ''), ('actuation="disable"', '<motor joint="h"/>')]
+)
+def test_compensation_by_actuators_that_are_not_there_is_listed(
+    flag: str, actuator: str, tmp_path: Path
+) -> None:
+    """MuJoCo gives the joint none then; it was given here, without a word."""
+    source = f"""<mujoco><option><flag {flag}/></option><worldbody><body name="b" gravcomp="1">
+    <joint name="h" axis="0 1 0" actuatorgravcomp="true"/>
+    <geom type="capsule" fromto="0 0 0 1 0 0" size="0.02"/></body></worldbody>
+    <actuator>{actuator}</actuator></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(source)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert abs(data.qacc[0]) > 1.0
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    assert 'compensation of gravity: these bodies have their whole weight here: b' in text
+    simulation = Simulation(scene_from_text(text), integrator='dop853', step=1e-4)
+    simulation.step(1)
+    found = simulation.sample().joints['h'].velocity / 1e-4
+    assert found == pytest.approx(data.qacc[0], rel=1e-6)

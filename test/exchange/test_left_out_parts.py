@@ -78,6 +78,10 @@ UNKNOWN = (
     'unknown elements: the format has no such element there, or only one: what they do to '
     'the motion is missing'
 )
+NO_ATTRIBUTE = (
+    'unknown attributes: the format has no such attribute there: what it does to the motion is '
+    'missing'
+)
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -130,6 +134,16 @@ SCREW = '<axis><xyz>0 1 0</xyz>{}</axis>{}'
         (of_arm('<mass>2</mass>'), f'{UNKNOWN}: mass of arm'),
         (sdf('ball', '', '<drake:linear_bushing_rpy/>'),
          f'{UNKNOWN}: linear_bushing_rpy of m'),
+        (hinge().replace('<xyz>', '<xyz expresed_in="base">'),
+         f'{NO_ATTRIBUTE}: xyz expresed_in of j'),
+        (of_arm('<pose relative="base">0 0 0 0 0 0</pose>'),
+         f'{NO_ATTRIBUTE}: pose relative of arm'),
+        (hinge().replace('<pose>', '<pose relative_to="base">'),
+         f'{NO_ATTRIBUTE}: pose relative_to in inertial of base'),
+        (sdf('ball', '', '<frame name="f" attached="arm"/>'),
+         f'{NO_ATTRIBUTE}: frame attached of m'),
+        (hinge().replace('<model', '<modle/><model', 1), f'{UNKNOWN}: modle of the file'),
+        (of_arm('').replace('<mass>1</mass>', '<mass/>'), 'mass: default of SDF'),
         (sdf('screw', SCREW.format('', '')), 'pitch of screws: default of SDF'),
         (sdf('ball', '', '<model_state name="m"/>'), 'state of the world: models start'),
     ],
@@ -172,10 +186,11 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
     (tmp_path / 'arm' / 'model.sdf').write_text(sdf('ball', ''), encoding='utf-8')
     text = """<sdf version="1.9" xmlns:experimental="x"><world name="w"><include>
     <uri>model://arm</uri><plugin name="p" filename="f"/><experimental:params/>
-    </include></world></sdf>"""
+    <poes>1 0 0 0 0 0</poes></include></world></sdf>"""
     lines, _ = report(tmp_path, 'a.sdf', text)
     assert 'plugins: forces and control that they apply are missing: p' in lines
     assert 'parameters of includes: the models are as in their own files: m' in lines
+    assert f'{UNKNOWN}: poes of w' in lines
 
 
 @pytest.mark.parametrize(
@@ -190,6 +205,12 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{EXTENSIONS}: joint of arm'),
         ('a.urdf', URDF.replace('MORE', '<gazebo reference="j"><stopErp>0.8</stopErp></gazebo>'),
          f'{EXTENSIONS}: stopErp of j'),
+        ('a.urdf', URDF.replace('MORE', '').replace('<mass', '<mass value="2"/><mass'),
+         f'{UNKNOWN}: mass of arm'),
+        ('a.urdf', URDF.replace('MORE', '').replace('"0.2 0 0"', '"0.2 0 0" quat_xyzw="1 0 0 0"'),
+         f'{NO_ATTRIBUTE}: origin quat_xyzw of arm'),
+        ('a.urdf', URDF.replace('MORE', '').replace('effort="3"', 'effort="3" efort="4"'),
+         f'{NO_ATTRIBUTE}: limit efort of j'),
         ('a.urdf', URDF.replace('MORE', HALF), 'gravity off: these bodies have weight here: arm'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),

@@ -144,3 +144,34 @@ def test_a_folder_has_the_model_of_its_newest_version(
     )
     (body,) = scene_from_text(imported(source, scene=True)).mechanism.bodies
     assert body.mass == mass
+
+
+MIMIC = """<joint name="k" type="revolute"><parent>arm</parent><child>hand</child><axis>
+<xyz>0 1 0</xyz><mimic joint="pin"{}><multiplier>2</multiplier></mimic></axis></joint>"""
+
+
+@pytest.mark.parametrize(
+    ('kinematic', 'axis', 'held'),
+    [('1', '', True), ('0', '', False), ('0', ' axis="axis2"', None)],
+)
+def test_a_joint_that_mimics_a_fixed_one_stays(
+    kinematic: str, axis: str, held: bool | None, tmp_path: Path
+) -> None:
+    """It was a traceback. A second axis of the pin, which has one, leaves the joint free."""
+    arm = ARM.format('', '0 0 1 0 0 0')
+    hand = arm.replace('"arm"', '"hand"')
+    still = arm.replace('<pose>', f'<kinematic>{kinematic}</kinematic><pose>', 1)
+    joints = PIN.format('world') + MIMIC.format(axis)
+    text = imported(
+        saved(tmp_path, 'it.sdf', WORLD.format('1.11', '', still + hand + joints)), scene=True
+    )
+    simulation = simulate(text)
+    simulation.step(100)
+    found = simulation.sample().joints
+    moved = found['k'].position
+    assert ('mimic: these joints are free: k' in text) == (held is None)
+    if held:
+        assert abs(moved) < 1e-12 and 'pin' not in found
+    else:
+        ratio = moved / found['pin'].position
+        assert (ratio == pytest.approx(2.0, rel=1e-9)) == (held is not None)

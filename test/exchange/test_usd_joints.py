@@ -278,3 +278,23 @@ def test_limits_are_in_degrees_from_the_zero_of_the_file(tmp_path: Path) -> None
         assert stop.upper == (upper if upper is None else pytest.approx(upper, abs=1e-9))
     made_ = made(tmp_path, text)
     assert '#   limits (see --stops): joints pass their limits: pin\n' in made_
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'message'),
+    [
+        ('axis = "Y"', 'axis = "y"', "/j physics:axis: not known, got 'y'; known: X, Y, Z"),
+        ('"force"', '"forse"', "/j drive:angular:physics:type: not known, got 'forse'; did you"),
+    ],
+)
+def test_a_word_that_usd_does_not_have_is_refused(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    """The first one of the format was taken, x for an axis."""
+    lines = 'uniform token physics:axis = "Y"', *drive('angular', type='"force"', stiffness=1.0)
+    hinge = joint('Revolute', 'j', PIN, *lines, schemas='Drive:angular')
+    text = stage(body('b', FULL), hinge)
+    assert 'axis: [0.0, 1.0, 0.0]' in made(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        made(tmp_path, text.replace(old, new))
+    assert message in str(caught.value)
