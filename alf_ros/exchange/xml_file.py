@@ -23,6 +23,7 @@ from alf_ros.scene.text.yaml_document import LARGEST_FILE
 XACRO = 'http://www.ros.org/wiki/xacro'
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
+_DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
 
 
@@ -55,7 +56,7 @@ def root_of(path: Path, arguments: Mapping[str, str] | None = None) -> ElementTr
 
 
 def _parsed(text: bytes, path: Path, expanded: bool = False) -> ElementTree.Element:
-    declared = _declared(text)
+    declared = _declared(_strict(text))
     builder = ElementTree.TreeBuilder(element_factory=PlacedElement)
     try:
         root: ElementTree.Element = ElementTree.fromstring(
@@ -78,12 +79,24 @@ def _lines(text: bytes) -> list[int]:
     return lines
 
 
+def _strict(text: bytes) -> bytes:
+    """The text without comments, and with its XML declaration at the start; lines stay.
+
+    The parser of Gazebo and ROS reads comments with two hyphens, and a declaration behind blank
+    lines. Neither is XML, but many files have them.
+    """
+    bare = _COMMENT.sub(lambda found: re.sub(rb'[^\n]', b' ', found[0]), text)
+    found = _DECLARATION.match(bare)
+    if found is None:
+        return bare
+    return found[1] + bare[: found.start(1)] + bare[found.end(1) :]
+
+
 def _declared(text: bytes) -> bytes:
-    """The text, with a declaration in its root for each prefix that has none."""
+    """A text without comments, with a declaration in its root for each prefix that has none."""
     used = {prefix for prefix in _USED.findall(text) if not prefix.startswith(b'xml')}
     missing = sorted(p for p in used if not re.search(rb'\sxmlns:' + p + rb'\s*=', text))
-    bare = _COMMENT.sub(lambda found: b' ' * len(found[0]), text)
-    root = _ROOT.search(bare)
+    root = _ROOT.search(text)
     if not missing or root is None:
         return text
     more = b''.join(b' xmlns:%b="undeclared:%b"' % (prefix, prefix) for prefix in missing)

@@ -290,6 +290,21 @@ def test_an_unknown_encoding_is_one_line(name: str, tmp_path: Path) -> None:
         imported(saved(tmp_path, name, text))
 
 
+@pytest.mark.parametrize('name', ['it.urdf', 'it.sdf'])
+def test_comments_and_declarations_that_are_no_xml_are_read(name: str, tmp_path: Path) -> None:
+    """As the parser of Gazebo and ROS reads them; lines of mistakes are those of the file."""
+    text = SDF if name == 'it.sdf' else URDF.replace('MORE', '')
+    plain = imported(saved(tmp_path, name, text))
+    odd = '\n <!-- a -- b:c -->\n<?xml version="1.0"?>\n<!-- gz topic --\n -- -->\n' + text
+    assert imported(saved(tmp_path, name, odd)) == plain
+    lines = []
+    for source in (text, odd):
+        with pytest.raises(InputError, match='zero is no direction') as caught:
+            imported(saved(tmp_path, name, source.replace('0 1 0', '0 0 0')))
+        lines.append(int(str(caught.value).split(':')[1]))
+    assert lines[1] == lines[0] + 5
+
+
 PARAM = '<param name="initial_value">{}</param>'
 CONTROL = f"""<ros2_control><joint name="p"><state_interface name="position">
 {PARAM}</state_interface></joint></ros2_control>"""
