@@ -24,6 +24,7 @@ XACRO = 'http://www.ros.org/wiki/xacro'
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
 _DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
+_SCOPED = re.compile(rb'(</?[A-Za-z_][\w.-]*:):')
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
 
 
@@ -80,12 +81,14 @@ def _lines(text: bytes) -> list[int]:
 
 
 def _strict(text: bytes) -> bytes:
-    """The text without comments, and with its XML declaration at the start; lines stay.
+    """The text without comments, with its XML declaration at the start, and one colon for two in
+    names of elements; lines stay.
 
-    The parser of Gazebo and ROS reads comments with two hyphens, and a declaration behind blank
-    lines. Neither is XML, but many files have them.
+    The parser of Gazebo and ROS reads comments with two hyphens, a declaration behind blank lines,
+    and names as `gz::system_priority`. That is no XML, but many files have it.
     """
     bare = _COMMENT.sub(lambda found: re.sub(rb'[^\n]', b' ', found[0]), text)
+    bare = _SCOPED.sub(rb'\1', bare)
     found = _DECLARATION.match(bare)
     if found is None:
         return bare
