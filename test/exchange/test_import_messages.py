@@ -296,7 +296,7 @@ def _is_text(line: str) -> bool:
 
 @pytest.mark.parametrize('name', ['it.urdf', 'it.sdf'])
 def test_comments_and_declarations_that_are_no_xml_are_read(name: str, tmp_path: Path) -> None:
-    """As the parser of Gazebo and ROS reads them; lines of mistakes are those of the file."""
+    """As the parser of Gazebo and ROS reads them. Mistakes keep their lines."""
     text = SDF if name == 'it.sdf' else URDF.replace('MORE', '')
     plain = imported(saved(tmp_path, name, text))
     odd = '\n <!-- a -- b:c -->\n<?xml version="1.0"?>\n<!-- gz topic --\n -- -->\n' + text
