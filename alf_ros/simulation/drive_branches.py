@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -21,6 +22,10 @@ class DriveBranches:
             compared=switches,
             here=np.zeros(sides, dtype=np.int64),
             there=np.zeros(sides, dtype=np.int64),
+            value=np.zeros(sides),
+            rate=np.zeros(sides),
+            before=np.zeros(sides),
+            rate_before=np.zeros(sides),
             q=np.zeros(model.q.size),
             qd=np.zeros(model.q.size),
             qdd=np.zeros(model.q.size),
@@ -55,6 +60,14 @@ class DriveBranches:
     def between(self, low: float, high: float) -> Iterator[tuple[float, float]]:
         """The last instant before and the first one behind each switch between two times (s). The
         branches at the end are the new ones."""
+        from alf_ros.kernel.first_switch import excursion
+
+        inner = excursion(self._system, self._switches, low, high)
+        for end in (high,) if math.isnan(inner) else (inner, high):
+            yield from self._between(low, end)
+            low = end
+
+    def _between(self, low: float, high: float) -> Iterator[tuple[float, float]]:
         here, there = self._switches.here, self._switches.there
         while True:
             end = high

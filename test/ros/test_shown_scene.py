@@ -9,6 +9,8 @@ import pytest
 
 from alf_ros import load_scene
 from alf_ros.ros.view.shown_scene import ShownScene
+from alf_ros.scene.scene import scene_from_text
+from support.ball_scene import BALLS, NAMES
 
 DRIVEN = {
     'mechanism': 'slider_crank',
@@ -33,6 +35,8 @@ def test_units_and_drives() -> None:
     )
     assert ShownScene(pushed.text).drive_units == {'piston_x': 'N'}
     assert ShownScene(load_scene('delta_robot').text).spatial
+    balls = ShownScene(scene_from_text(BALLS).text)
+    assert balls.balls == NAMES[1:] and set(balls.units) == set(NAMES)
 
 
 def test_other_numbers_of_effects_are_the_same_run() -> None:
@@ -49,7 +53,7 @@ def test_other_numbers_of_effects_are_the_same_run() -> None:
 )
 def test_a_text_that_is_no_scene_says_nothing(text: str) -> None:
     shown = ShownScene(text)
-    assert (shown.units, shown.driven, shown.drive_units) == ({}, (), {})
+    assert (shown.units, shown.driven, shown.balls, shown.drive_units) == ({}, (), (), {})
 
 
 def test_no_code_of_a_stranger_runs(tmp_path: Path) -> None:

@@ -235,6 +235,7 @@ def test_names_of_strangers_stay_text(tmp_path):
         'joints': [HOSTILE, '__proto__', 'constructor'],
         'units': [HOSTILE, 'rad', ''],
         'driven': ['constructor'],
+        'balls': ['toString'],
         'drives': [HOSTILE],
         'drive_units': [HOSTILE],
         'reacting': [HOSTILE],

@@ -117,6 +117,17 @@ def test_several_corners_in_one_step() -> None:
     Simulation(cart(smooth)).step(300)
 
 
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_two_corners_of_one_function_in_one_step(integrator: str) -> None:
+    """It takes its first branch again before the step ends."""
+    twice = 'abs((t - 0.10037)**2 - 1e-8)'
+    simulation = Simulation(cart(twice), integrator=integrator)
+    with pytest.raises(StepError, match=r'jumps by 0\.0004 at t = 0\.10027 s') as told:
+        simulation.step(300)
+    assert told.value.t == 0.1
+    Simulation(cart(twice.replace('- 1e-8', '+ 1e-8'))).step(300)
+
+
 def test_a_corner_at_the_start_and_corners_of_constants() -> None:
     Simulation(cart('max(t, 0)')).step(10)
     Simulation(cart('max(1, 2)*t')).step(10)

@@ -16,6 +16,10 @@ class DriveSwitches(Struct):
     compared: Integers
     here: Integers  # (switches,) the branch of each, 0 or 1
     there: Integers  # (switches,) likewise, at the end of a step
+    value: Floats  # (switches,) by how much the first number compared is more than the second
+    rate: Floats  # (switches,) of this difference, 1/s
+    before: Floats  # (switches,) likewise, at the start of a step
+    rate_before: Floats  # (switches,)
     q: Floats  # (blocks D,) of the drives
     qd: Floats  # (blocks D,)
     qdd: Floats  # (blocks D,)

@@ -92,6 +92,11 @@ class ShownScene:
         return tuple(name for drive in self._mechanism.drives for name in drive.of)
 
     @cached_property
+    def balls(self) -> tuple[str, ...]:
+        """The angles of balls, on which no effort acts."""
+        return () if self._mechanism is None else self._mechanism.ball_angles
+
+    @cached_property
     def drive_units(self) -> dict[str, str]:
         """The unit of the effort of each prescribed motion, N m or N."""
         if self._mechanism is None:

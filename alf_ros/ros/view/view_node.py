@@ -114,6 +114,7 @@ class ViewNode(Node):
             'joints': self._joints,
             'units': [self._scene.units.get(name, '') for name in self._joints],
             'driven': self._scene.driven,
+            'balls': self._scene.balls,
             'drives': self._drives,
             'drive_units': [self._scene.drive_units.get(name, '') for name in self._drives],
             'reacting': self._reacting,

@@ -4,7 +4,7 @@
 const $ = (id) => document.getElementById(id);
 const WINDOW = 20;  // simulated seconds in a plot
 const TRAIL = 90, BOXES = 300;  // pictures
-let about = {joints: [], units: [], driven: [], drives: [], drive_units: [], reacting: [], reports: [],
+let about = {joints: [], units: [], driven: [], balls: [], drives: [], drive_units: [], reacting: [], reports: [],
   scenes: [], run: -1, state: 'connecting'};
 let picture = null;
 let record = [];  // {t, energy, error}
@@ -76,9 +76,10 @@ function listJoints() {
       '<div class="numbers"><span></span><span></span><span></span></div>' +
       '<div class="row"><input type="range" step="any"><output>0</output></div>';
     item.querySelector('b').textContent = name;
-    if (about.driven.includes(name)) {
+    const fixed = about.driven.includes(name) ? 'driven' : about.balls.includes(name) ? 'of a ball' : '';
+    if (fixed) {
       item.lastChild.remove();
-      item.querySelector('b').dataset.driven = 'driven';
+      item.querySelector('b').dataset.note = fixed;
       return item;
     }
     const slider = item.querySelector('input');
@@ -164,7 +165,7 @@ function onAbout(found) {
   about = found;
   const names = (list) => list.join('\n');
   if (found.run !== before.run) forget();
-  const listed = (each) => names([...each.joints, '', ...each.driven, '', ...each.drives]);
+  const listed = (each) => names([...each.joints, '', ...each.driven, '', ...each.balls, '', ...each.drives]);
   if (found.run !== before.run || listed(found) !== listed(before)) listJoints();
   if (names(found.scenes) !== names(before.scenes)) {
     const first = new Option('load …', '');
