@@ -23,6 +23,7 @@ MOTION = {
     'rows of joints with skew axes': 'where their axes lie in one plane they stop a run: '
     'the links between have no mass',
     'rows of joints for balls': 'at gimbal lock they stop a run',
+    'products of inertia: there is none': 'they count as 0',
     'inertia by shapes': 'it is not computed: the one in the file counts',
     'mass: default of SDF': 'a link without a mass has 1 kg and 1 kg m2 about every axis',
     'gravity (see --scene)': 'gravity is absent',

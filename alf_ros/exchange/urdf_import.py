@@ -63,6 +63,7 @@ _SEVERAL_OF = (*_READ['robot'], 'visual', 'collision')
 _HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
+_NONE_HERE = 'limits, damping, friction, springs, armature'  # in the report
 _STILL = ': with --floating its root link moves'
 
 
@@ -85,10 +86,12 @@ class UrdfReader:
         follows: Collection[str] = (),
     ) -> None:
         self.file = str(path)
-        self.xml, self.urdf = _parsed(path, arguments, types or {})
-        self._balls = urdf_joint_types.balls(types or {})
+        self.xml, self.urdf, kinds, absent = _parsed(path, arguments, types or {})
+        self._balls = urdf_joint_types.balls(kinds)
         self._follows = follows
         self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
+        for kind, name in absent:
+            self.robot.leave(kind, name)
         self.joints = {joint.name: joint for joint in self.urdf.joints}
         self.links = {link.name: link for link in self.urdf.links}
         for name in positions:
@@ -378,21 +381,28 @@ class UrdfReader:
 
 def _parsed(
     path: Path, arguments: Mapping[str, str] | None, types: Mapping[str, str]
-) -> tuple[ElementTree.Element, Any]:
-    """The XML, and what urdf_parser_py makes of it."""
+) -> tuple[ElementTree.Element, Any, dict[str, str], list[tuple[str, str]]]:
+    """The XML, its reading by urdf_parser_py, the types of joints that URDF does not have, and
+    kind and name of what it leaves out."""
     from urdf_parser_py import urdf
     from urdf_parser_py.xml_reflection import core
 
     xml = xml_file.root_of(path, arguments)
     if xml.tag != 'robot':
         raise InputError('not a URDF', file=str(path), value=xml.tag, expected='<robot>')
-    xml = urdf_joint_types.changed(xml, types, str(path)) if types else xml
+    kinds, absent = urdf_joint_types.stated(xml), list[tuple[str, str]]()
+    for joint in xml.findall('joint'):
+        if joint.get('name') in kinds and any(map(joint.findall, ('dynamics', 'limit'))):
+            absent.append((_NONE_HERE, joint.get('name', '')))
+    kinds |= types
+    xml = urdf_joint_types.changed(xml, kinds, str(path)) if kinds else xml
     plain = ElementTree.Element('robot', {'name': path.stem} | xml.attrib)
     for element in xml:  # what else there is may be as it likes
         if element.tag in ('link', 'joint'):
             kept = [each for each in element if each.tag not in ('visual', 'collision')]
             ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
     for part in plain:
+        absent += urdf_numbers.completed(part)
         urdf_numbers.checked(part, path)
     told, core.on_error = core.on_error, lambda message: None  # unknown elements are listed here
     try:
@@ -407,7 +417,7 @@ def _parsed(
         core.on_error = told
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
-    return xml, robot
+    return xml, robot, kinds, absent
 
 
 def _found(xml: ElementTree.Element, where: str) -> ElementTree.Element | None:

@@ -1,4 +1,7 @@
-"""Joints of a URDF that a side file makes balls, universal joints, or fixed.
+"""Joints of a URDF that it, or a side file, makes balls, universal joints, or fixed.
+
+URDF has neither balls nor universal joints, but Drake and Bullet read some: `ball`, `spherical`,
+and `universal`, about x of the parent and y of the child.
 
 A universal joint and a ball become a row of `continuous` joints about axes of the joint's frame,
 through links without mass: `name_X`, `name_Y`, `name_Z`. The reader makes one ball of three.
@@ -15,6 +18,13 @@ from alf_ros.errors import InputError
 _AXES = {'X': '1 0 0', 'Y': '0 1 0', 'Z': '0 0 1'}
 _ROWS = {f'UJOINT_{a}{b}': a + b for a in _AXES for b in _AXES if a != b} | {'SPHERICAL': 'XYZ'}
 CHANGES = (*_ROWS, 'FIXED')
+_STATED = {'ball': 'SPHERICAL', 'spherical': 'SPHERICAL', 'universal': 'UJOINT_XY'}
+
+
+def stated(root: ElementTree.Element) -> dict[str, str]:
+    """The joints of a URDF that it gives such a type itself, by name."""
+    found = {each.get('name', ''): each.get('type', '') for each in root.findall('joint')}
+    return {name: _STATED[kind] for name, kind in found.items() if kind in _STATED}
 
 
 def changed(root: ElementTree.Element, types: Mapping[str, str], file: str) -> ElementTree.Element:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -24,9 +25,23 @@ _COUNTS = {
         ('soft_lower_limit', 'soft_upper_limit', 'k_position', 'k_velocity'), 1
     ),
 }
-
-
 _NEEDED = {'mass': 'value', 'axis': 'xyz'}  # attributes that the parser takes for granted
+# attributes that URDF requires, but many files lack, as some readers take 0
+_ZERO = {'inertia': ('ixy', 'ixz', 'iyz'), 'limit': ('effort', 'velocity')}
+
+
+def completed(part: ElementTree.Element) -> Iterator[tuple[str, str]]:
+    """Write the zeros that a link or a joint leaves out. Yields the kind of each, as in the
+    report, and its name."""
+    name = part.get('name', '')
+    for element in (*part, *(each for inner in part.findall('inertial') for each in inner)):
+        for attribute in _ZERO.get(element.tag, ()):
+            if attribute not in element.attrib:
+                element.set(attribute, '0')
+                if element.tag == 'limit':
+                    yield f'limits of {attribute}', f'{name} has none'
+                else:
+                    yield 'products of inertia: there is none', f'{attribute} of {name}'
 
 
 def checked(part: ElementTree.Element, path: Path) -> None:

@@ -24,6 +24,7 @@ XACRO = 'http://www.ros.org/wiki/xacro'
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
 _DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
+_NAMESPACE = re.compile(rb'\sxmlns\s*=\s*("[^"]*"|\'[^\']*\')')
 _SCOPED = re.compile(rb'(</?[A-Za-z_][\w.-]*:):')
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
 
@@ -81,18 +82,22 @@ def _lines(text: bytes) -> list[int]:
 
 
 def _strict(text: bytes) -> bytes:
-    """The text without comments, with its XML declaration at the start, and one colon for two in
-    names of elements; lines stay.
+    """The text without comments and default namespaces, with its XML declaration at the start, and
+    one colon for two in names of elements; lines stay.
 
     The parser of Gazebo and ROS reads comments with two hyphens, a declaration behind blank lines,
-    and names as `gz::system_priority`. That is no XML, but many files have it.
+    and names as `gz::system_priority`, and knows no namespaces. Many files need this.
     """
-    bare = _COMMENT.sub(lambda found: re.sub(rb'[^\n]', b' ', found[0]), text)
+    bare = _NAMESPACE.sub(_blank, _COMMENT.sub(_blank, text))
     bare = _SCOPED.sub(rb'\1', bare)
     found = _DECLARATION.match(bare)
     if found is None:
         return bare
     return found[1] + bare[: found.start(1)] + bare[found.end(1) :]
+
+
+def _blank(found: re.Match[bytes]) -> bytes:
+    return re.sub(rb'[^\n]', b' ', found[0])
 
 
 def _declared(text: bytes) -> bytes:

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 import support.imported_robots as robots
-from alf_ros import Closure, InputError, load_scene
+from alf_ros import Closure, InputError, Simulation, load_scene
 from alf_ros.commands.import_ import main
 from alf_ros.exchange.import_file import imported
+from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
 
 XACRO = (
@@ -309,6 +310,35 @@ def test_comments_and_declarations_that_are_no_xml_are_read(name: str, tmp_path:
             imported(saved(tmp_path, name, source.replace('0 1 0', '0 0 0')))
         lines.append(int(str(caught.value).split(':')[1]))
     assert lines[1] == lines[0] + 5
+
+
+def test_a_urdf_without_required_zeros_and_with_a_namespace(tmp_path: Path) -> None:
+    """Many files have no products of inertia, and limits without effort and velocity."""
+    limited = URDF.replace('MORE', '').replace(
+        '<axis xyz="0 1 0"/>',
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="0" velocity="0"/>',
+    )
+    plain = imported(saved(tmp_path, 'it.urdf', limited))
+    odd = limited.replace('<robot ', '<robot xmlns="http://drake.mit.edu" ')
+    for zero in (' ixy="0"', ' ixz="0"', ' iyz="0"', ' effort="0"', ' velocity="0"'):
+        assert zero in odd
+        odd = odd.replace(zero, '')
+    found = imported(saved(tmp_path, 'it.urdf', odd))
+    assert [*filter(_is_text, found.split('\n'))] == [*filter(_is_text, plain.split('\n'))]
+    for told in ('there is none: they count as 0: ixy of a, ixz of a, iyz of a', 'p has none'):
+        assert told in found and told not in plain
+
+
+@pytest.mark.parametrize('kind', ['ball', 'spherical', 'universal'])
+def test_joints_that_drake_and_bullet_read(kind: str, tmp_path: Path) -> None:
+    """The weight of a body on a universal joint about x and y cannot turn it about z."""
+    text = URDF.replace('MORE', '').replace('continuous', kind)
+    text = text.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><dynamics damping="1"/>')
+    found = imported(saved(tmp_path, 'it.urdf', text), scene=True)
+    assert ('p: {type: spherical, between: [ground, a]' in found) == (kind != 'universal')
+    assert 'springs, armature: these joints have none: p' in found
+    simulation = Simulation(scene_from_text(found))
+    assert simulation.model.n - simulation.model.system.rank == (2 if kind == 'universal' else 3)
 
 
 PARAM = '<param name="initial_value">{}</param>'

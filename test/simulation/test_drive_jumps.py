@@ -119,7 +119,7 @@ def test_several_corners_in_one_step() -> None:
 
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
 def test_two_corners_of_one_function_in_one_step(integrator: str) -> None:
-    """It takes its first branch again before the step ends."""
+    """At the end of the step it is on the same branch as at the start."""
     twice = 'abs((t - 0.10037)**2 - 1e-8)'
     simulation = Simulation(cart(twice), integrator=integrator)
     with pytest.raises(StepError, match=r'jumps by 0\.0004 at t = 0\.10027 s') as told:
