@@ -25,7 +25,7 @@ _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
 _DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
 _NAMESPACE = re.compile(rb'\sxmlns\s*=\s*("[^"]*"|\'[^\']*\')')
-_SCOPED = re.compile(rb'(</?[A-Za-z_][\w.-]*:):')
+_SCOPED = re.compile(rb'</?[A-Za-z_][\w.-]*(?:::[\w.-]+)+')
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
 
 
@@ -89,7 +89,7 @@ def _strict(text: bytes) -> bytes:
     and names as `gz::system_priority`, and knows no namespaces. Many files need this.
     """
     bare = _NAMESPACE.sub(_blank, _COMMENT.sub(_blank, text))
-    bare = _SCOPED.sub(rb'\1', bare)
+    bare = _SCOPED.sub(lambda found: found[0].replace(b'::', b':', 1).replace(b'::', b'.'), bare)
     found = _DECLARATION.match(bare)
     if found is None:
         return bare

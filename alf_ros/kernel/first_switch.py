@@ -56,8 +56,8 @@ def excursion(system: System, switches: DriveSwitches, low: float, high: float) 
     """An instant between two (s) at which a branch is another one than at both of them; not a
     number if none is known. The turning point of a difference is found by bisection."""
     compare_at(system, switches, low, switches.before, switches.rate_before)
+    compare_at(system, switches, high, switches.value, switches.rate)
     for n in range(switches.value.size):
-        compare_at(system, switches, high, switches.value, switches.rate)
         if not _may_turn(switches, n, high - low):
             continue
         first, last, v = low, high, switches.before[n]
@@ -70,6 +70,7 @@ def excursion(system: System, switches: DriveSwitches, low: float, high: float) 
                 first = middle
             else:
                 last = middle
+        compare_at(system, switches, high, switches.value, switches.rate)
     return np.nan
 
 
@@ -91,7 +92,6 @@ def first_switch(
             found = excursion(system, switches, t + n * h, t + (n + 1) * h)
             if found == found:
                 return np.int64(n)
-            compare_at(system, switches, t + (n + 1) * h, switches.value, switches.rate)
         copy(switches.value, switches.before)
         copy(switches.rate, switches.rate_before)
     return np.int64(count)

@@ -301,7 +301,7 @@ def test_comments_and_declarations_that_are_no_xml_are_read(name: str, tmp_path:
     text = SDF if name == 'it.sdf' else URDF.replace('MORE', '')
     plain = imported(saved(tmp_path, name, text))
     odd = '\n <!-- a -- b:c -->\n<?xml version="1.0"?>\n<!-- gz topic --\n -- -->\n' + text
-    odd = odd.replace('</link>', '<gz::priority>1</gz::priority></link>', 1)
+    odd = odd.replace('</link>', '<gz::priority>1</gz::priority><a::b::c/></link>', 1)
     found = imported(saved(tmp_path, name, odd))
     assert [*filter(_is_text, found.split('\n'))] == [*filter(_is_text, plain.split('\n'))]
     lines = []
