@@ -275,15 +275,20 @@ def _nothing_of(hint: Any) -> Callable[[], Any]:
         return hint.empty
     if get_origin(hint) is Annotated:
         return partial(np.zeros, (0, 1))
-    return partial(np.zeros, 0, get_args(get_args(hint)[1])[0])
+    return partial(np.zeros, 0, _dtype_in(hint))
 
 
 def _number_of(hint: Any, W: int) -> types.Number | LanesType:
     """The type of the numbers of an array."""
     if get_origin(hint) is Annotated:
         return LanesType(W)
-    (number,) = get_args(get_args(hint)[1])
-    return from_dtype(np.dtype(number))
+    return from_dtype(np.dtype(_dtype_in(hint)))
+
+
+def _dtype_in(hint: Any) -> Any:
+    """The number type of an `NDArray`: numpy 2.5 hands it on itself, others within a dtype."""
+    last = get_args(hint)[-1]
+    return (*get_args(last), last)[0]
 
 
 def _word_of(value: Struct | np.uint64 | float) -> int:

@@ -53,7 +53,16 @@ def _adams(rates: Rates, y: Floats, tolerance: float, times: Floats) -> Iterator
 
 def _vode(rates: Rates, y: Floats, tolerance: float, times: Floats) -> Iterator[Floats]:
     """The same with the variable-order Adams's method of VODE."""
-    solver = ode(rates).set_integrator(
+    failed: list[StepError] = []
+
+    def told(t: float, y: Floats) -> Floats:
+        try:
+            return rates(t, y)
+        except StepError as error:  # scipy from 1.18 on hands no exception on
+            failed.append(error)
+            return np.full_like(y, np.nan)
+
+    solver = ode(told).set_integrator(
         'vode', method='adams', rtol=tolerance, atol=tolerance, nsteps=MOST
     )
     solver.set_initial_value(y, 0.0)
@@ -62,6 +71,8 @@ def _vode(rates: Rates, y: Floats, tolerance: float, times: Floats) -> Iterator[
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', UserWarning)  # told below
             y = solver.integrate(t)
+        if failed:
+            raise failed[0]
         if not solver.successful():
             raise StepError('VODE finds no step', 'use a larger tolerance', float(last))
         yield y
