@@ -274,6 +274,7 @@ def test_what_is_refused(robot: Scene) -> None:
         ('points.B.x', 'not a number of a run'),
         ('final(B.z)', 'no such quantity'),
         ('final(points.B)', 'norm(points.B)'),
+        ('final(body_poses.crank)', 'expected body_poses.crank.x'),  # m beside rad
         ('final(diagnostics.distance)', 'has no derivative'),
         (3, 'not a number of a run'),
     ):
