@@ -108,6 +108,11 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     return replace(measures.packed(smooth=smooth), instants=instants(*functions))
 
 
+def unlimited(parameters: Parameters) -> Parameters:
+    """Without limits."""
+    return replace(parameters, limit=None, free_speed=None)
+
+
 @shared
 def _wanted(
     t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats, n: int

@@ -169,6 +169,11 @@ def on_axis(parameters: Parameters, coordinate: str) -> OnOneJoint:
     return OnOneJoint(**vars(parameters), pushed=coordinate)
 
 
+def unlimited(parameters: Parameters) -> Parameters:
+    """Without limit of its drive."""
+    return replace(parameters, limit=None)
+
+
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """One scalar for each joint or distance; the first of a tendon has its numbers.
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from alf_ros import effects as registry
 from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
+from alf_ros.effects.contract import Effect
 from alf_ros.kernel import Effects
 from alf_ros.model.prescribed import prescribe, program_apart
 from alf_ros.scene.scene import Scene
@@ -98,10 +100,18 @@ class Neighbour:
         """The times of kinks over time of its effects, s, ascending."""
         return self._applied.instants
 
+    @cached_property
+    def _unlimited(self) -> Effects:
+        """Its effects without limits: at its limit a force does not jump in the state of the
+        start, and in another state it does."""
+        given, model = [_without_limits(each) for each in self.scene.effects], self.start.model
+        return Applied(model, given, NO_INPUTS, ReactionsOf(model)).assembled.effects
+
     def jumps_at(self, t: float) -> bool:
-        """Whether the forces in the state of the start jump at t (s), or the drives do."""
+        """Whether the forces in the state of the start, without limits, jump at t (s), or the
+        drives do."""
         model, q, qd = self.start.model, self.start.q, self.start.qd
-        effects, xy = self.effects(NO_INPUTS), np.zeros(model.system.angles.c.size)
+        effects, xy = self._unlimited, np.zeros(model.system.angles.c.size)
         turns = np.zeros(xy.size // 2, dtype=np.int64)
         near, aside = np.zeros(turns.size), _BESIDE * max(1.0, abs(t))
         kernel.violation(model.unit, model.system.angles, q, xy)
@@ -126,6 +136,13 @@ class Neighbour:
             whole = self.effects(Inputs({}, {joint: 1.0})).params
             self._efforts[joint] = whole[self.effects(NO_INPUTS).params.size :]
         return self._efforts[joint]
+
+
+def _without_limits(effect: Effect) -> Effect:
+    unlimited = getattr(registry.load(effect.kind), 'unlimited', None)
+    return (
+        effect if unlimited is None else replace(effect, parameters=unlimited(effect.parameters))
+    )
 
 
 def _jump(before: Floats, after: Floats) -> bool:

@@ -274,6 +274,7 @@ def test_what_is_refused(robot: Scene) -> None:
         ('points.B.x', 'not a number of a run'),
         ('final(B.z)', 'no such quantity'),
         ('final(points.B)', 'norm(points.B)'),
+        ('final(body_poses.crank)', 'expected body_poses.crank.x'),  # m beside rad
         ('final(diagnostics.distance)', 'has no derivative'),
         (3, 'not a number of a run'),
     ):
@@ -372,6 +373,34 @@ def test_an_instant_at_which_a_force_jumps_has_no_derivative() -> None:
     assert gradient(servo(0.0), 'final(pin.position)', [name], duration=0.5).by[name] != 0.0
     with pytest.raises(InputError, match=r'a force jumps at t = 0.3 s, which moves with it'):
         gradient(servo(2.0), 'final(pin.position)', [name], duration=0.5)
+
+
+def test_a_jump_that_a_limit_hides_at_the_start_has_no_derivative() -> None:
+    """At the start the motor is at its limit, on both sides of the row; at the row it is not."""
+    name, motor = 'motor.position.1.0', {'joint': 'pin', 'limit': 3, 'position_gain': 20}
+    motor['position'] = [[0, 0.5], [0.2, 0.5], [0.3, 0.7]]
+    bar = {'points': ['O', 'A'], 'mass': 1, 'inertia': 'rod'}
+    mechanism = {
+        'alf': 1,
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
+        'bodies': {'bar': bar},
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'}},
+    }
+    damped = {**motor, 'velocity_gain': 5}
+
+    def scene(motor: dict[str, Any]) -> Scene:
+        return load_scene({'mechanism': mechanism, 'effects': {'motor': motor}})
+
+    def turned(change: float) -> float:
+        run = Simulation(overrides.with_changes(scene(damped), {name: repr(0.2 + change)}))
+        run.step(250)
+        return float(run.sample().joint_positions[0])
+
+    assert abs(turned(1e-3) - turned(-1e-3)) > 1e-4
+    with pytest.raises(InputError, match=r'a force jumps at t = 0.2 s, which moves with it'):
+        gradient(scene(damped), 'final(pin.position)', [name], duration=0.25)
+    soft = scene({**motor, 'position_gain': 5})
+    assert gradient(soft, 'final(pin.position)', [name], duration=0.5).by[name] < 0.0
 
 
 def test_an_accuracy_picks_an_explicit_integrator() -> None:

@@ -46,6 +46,8 @@
     whether the effect follows a position and a velocity from outside, and its parameters when it
     is given them. They are given by the name of the coordinate `parameters.joint`, or else by its
     own.
+`unlimited(parameters)` (optional)
+    without the limits of its force, which hide for a while that it jumps at an instant.
 `on_axis(parameters, coordinate)` (optional)
     of an effect on several joint coordinates: parameters of its part on one of them.
 `CONSTANT` (optional)

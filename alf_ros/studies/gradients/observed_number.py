@@ -73,9 +73,8 @@ def observed_number(
     inner = called[2].strip() if called else text
     quantity = named_quantity(inner, key, sample).checked(key)
     if called is None and quantity.is_vector:
-        raise InputError(
-            'not a single number', key=key, value=inner, expected=f'norm({inner}) or {inner}.x'
-        )
+        norm = f'norm({inner}) or ' if len(quantity.units) == 1 else ''
+        raise InputError('not a single number', key=key, value=inner, expected=f'{norm}{inner}.x')
     if len(quantity.units) > 1:
         raise InputError('components of several units have no norm', key=key, value=inner)
     derivatives = _derivatives(quantity, sample, beside)
