@@ -63,7 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     with parser.naming():
         study = load_study(options.study, members=options.members)
     if options.log is not None:
-        return _log(study, options.log, options.output)
+        with parser.naming():
+            return _log(study, options.log, options.output)
     if options.scheduler is not None:  # distributed logs tracebacks: here one line says it
         logging.disable(logging.CRITICAL)
     name = paths.named(options.study).stem

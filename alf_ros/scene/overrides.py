@@ -56,7 +56,7 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
             name: _value(text, source)
             for (name, text), source in zip(changes.items(), sources, strict=True)
         }
-        root = _with_values(scene, values, prefix.rstrip(' .'))
+        root = _with_values(scene, values, prefix)
         again = reading_of(scene.document).again(root, scene.file)
         changed = again or dataclasses.replace(load_scene(root.mapping()), file=scene.file)
     except InputError as error:
@@ -83,13 +83,13 @@ def of_members(scene: Scene, changes: Sequence[Mapping[str, str]]) -> Scene | No
             values[name] = Entry(ColumnText(np.array([float(text) for text in texts])), path=name)
         else:
             return None
-    root = _with_values(scene, values, 'vary')
+    root = _with_values(scene, values, 'vary.')
     return reading_of(scene.document).again(root, scene.file)
 
 
-def _with_values(scene: Scene, values: Mapping[str, Entry], said: str) -> Entry:
+def _with_values(scene: Scene, values: Mapping[str, Entry], prefix: str) -> Entry:
     """The document of a scene with other values by name."""
-    base = reading_of(scene.document)
+    base, said = reading_of(scene.document), prefix.rstrip(' .')
     root, alike = base.root, True  # whether all names mean what they do in the scene
     given = _GivenPlaces(said)
     for name, value in values.items():
@@ -100,7 +100,7 @@ def _with_values(scene: Scene, values: Mapping[str, Entry], said: str) -> Entry:
                 base.places[name] = place
         given.add(name, place)
         alike = alike and not isinstance(value.value, dict)
-        root = _replaced(_without_rivals(root, place), place, value, name)
+        root = _replaced(_without_rivals(root, place), place, value, f'{prefix}{name}')
     return root
 
 
@@ -229,20 +229,22 @@ def _without_rivals(root: Entry, place: tuple[str, ...]) -> Entry:
     return root.having({**root.mapping(), 'solver': section.having(kept)})
 
 
-def _replaced(node: Entry, place: Sequence[str], value: Entry, name: str) -> Entry:
-    """The node with what stands at `place` replaced."""
+def _replaced(node: Entry, place: Sequence[str], value: Entry, said: str) -> Entry:
+    """The node with what stands at `place` replaced; errors are about `said`."""
     if not place:
         return value
     key, *rest = place
     if isinstance(node.value, tuple):
         if not _INDEX.fullmatch(key) or int(key) >= len(node.value):
             expected = f'0 to {len(node.value) - 1}'
-            raise InputError('no such place in a list', key=name, value=key, expected=expected)
+            raise InputError('no such place in a list', key=said, value=key, expected=expected)
         items = list(node.value)
-        items[int(key)] = _replaced(items[int(key)], rest, value, name)
+        items[int(key)] = _replaced(items[int(key)], rest, value, said)
         return node.having(tuple(items))
+    if not (node.is_null or isinstance(node.value, dict)):
+        raise InputError('a single value has no parts', key=said, value=key)
     fields = node.mapping()
     if key not in fields and rest:
-        raise InputError('no such part', key=name, value=key, choices=fields)
-    inner = _replaced(fields[key], rest, value, name) if key in fields else value
+        raise InputError('no such part', key=said, value=key, choices=fields)
+    inner = _replaced(fields[key], rest, value, said) if key in fields else value
     return node.having({**fields, key: inner})

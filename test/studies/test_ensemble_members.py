@@ -151,6 +151,10 @@ def test_a_function_of_the_user_that_raises_is_a_reason(workers, error, said):
         ({'duration': 0.0}, 'duration: not usable, got 0.0; expected s, more than 0'),
         ({'period': 2.0}, 'period: longer than the duration, got 2.0'),
         ({'period': 1e-300}, 'period: too many samples, got 1e-300'),
+        (
+            {'vary': {'coupler.mass.0': uniform(1, 2)}},
+            "vary.coupler.mass.0: a single value has no parts, got '0'",
+        ),
         ({'members': 0}, 'members: '),
         ({'workers': 1, 'scheduler': 'tcp://127.0.0.1:1'}, 'workers: a cluster has its own'),
     ],
@@ -215,6 +219,9 @@ def test_a_scene_within_a_study_is_that_of_a_scene_file(tmp_path):
         ('solver: {step', 'solver: {stp', ":3: scene.solver.stp: unknown key, got 'stp'; did you"),
         ('sampling: grid', 'sampling: lhs', ': members: how many?; expected a whole number'),
         ('duration: 0.1', 'outputs: [{at: 11, of: energy}]', ':6: outputs.energy_at: after the'),
+        ('duration: 0.1', 'outputs: [{at: 0.1}]', ':6: outputs.of: not the name of a quantity'),
+        ('{L:', '{initial.velocities.e:', ':4: vary.initial.velocities.e: no such part'),
+        ('{L:', '{e.at.2:', ":4: vary.e.at.2: no such place in a list, got '2'; expected 0 to 1"),
     ],
 )
 def test_what_cannot_be_in_a_file_has_its_place(tmp_path, was, becomes, said):

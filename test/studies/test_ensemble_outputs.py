@@ -19,7 +19,7 @@ from alf_ros.studies.ensemble.study_reading import study_of
 from alf_ros.studies.ensemble.summary_page import page
 
 # A crank of length L and mass m that turns at w (rad/s), from 1 rad; nothing else acts.
-TURNING = {
+TURNING: dict[str, Any] = {
     'mechanism': {
         'alf': 1,
         'space': 'planar',
@@ -298,6 +298,10 @@ def test_an_output_that_cannot_be_is_said(given, said):
             "outputs: a label that a dimension of an output has too, got 't_x'",
         ),
         (
+            {'B': 'final(points.A)', 'B.x': 'final(energy)'},
+            "outputs: two numbers of one name, got 'B.x'; expected another label",
+        ),
+        (
             {'x': 'max(norm(body_poses.crank))'},
             'outputs: x: a pose has no norm: its components have other units',
         ),
@@ -310,4 +314,32 @@ def test_an_output_that_cannot_be_is_said(given, said):
 def test_outputs_that_a_study_cannot_have_are_said_before_anything_runs(given, said):
     with pytest.raises(InputError) as caught:
         study_of(TURNING, {'L': [0.5, 0.8]}, sampling='table', outputs=given, duration=0.1)
+    assert str(caught.value).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [
+        ('member', "vary: the number of a member has this name too, got 'member'"),
+        ('reason', "vary: the reason of a failure has this name too, got 'reason'"),
+        ('a b.stiffness', "vary: not usable, got 'a b.stiffness'; expected a name without spaces"),
+        ('a/b.stiffness', "vary: not usable, got 'a/b.stiffness'; expected a name without spaces"),
+    ],
+)
+def test_a_number_that_varies_needs_the_name_of_an_array(name, said):
+    scene = {
+        **TURNING,
+        'mechanism': {
+            **TURNING['mechanism'],
+            'parameters': {'L': 0.5, 'm': 2.0, 'w': 3.0, 'member': 1.0, 'reason': 1.0},
+        },
+        'effects': {
+            'torsion_spring': {
+                'a b': {'joint': 'pin', 'stiffness': 1.0},
+                'a/b': {'joint': 'pin', 'stiffness': 1.0},
+            }
+        },
+    }
+    with pytest.raises(InputError) as caught:
+        study_of(scene, {name: [1.0, 2.0]}, sampling='table', duration=0.1)
     assert str(caught.value).startswith(said)

@@ -138,6 +138,11 @@ def test_what_cannot_be_is_said(kind, vary, members, said):
         ({'unifrm': [1.0, 2.0]}, "x: no such distribution, got 'unifrm'; did you mean 'uniform'?"),
         ({'uniform': {'low': 1.0, 'high': float('inf')}}, 'x: uniform.high: not finite, got inf'),
         ({'beta': {'a': -1.0, 'b': 2.0}}, 'x: beta: impossible parameters'),
+        (
+            {'weibull_min': {'c': 2.0, 'scal': 0.1}},
+            "x: weibull_min: unknown key, got 'scal'; did you mean 'scale'?",
+        ),
+        ({'weibull_min': {'scale': 0.1}}, "x: weibull_min: missing key 'c'"),
         ('normal', "x: not a distribution, got 'normal'; expected {normal: [mean, deviation]}"),
     ],
 )

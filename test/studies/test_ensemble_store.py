@@ -31,6 +31,8 @@ from support.ensemble_kills import (
     undisturbed,
 )
 
+MANIFEST = '.alf_ros/manifest.json'
+
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory):
@@ -109,6 +111,30 @@ def test_what_is_torn_or_damaged_is_made_again(whole, tmp_path):
     assert contents(store) == bytes_
     made_again = {name for name, stamp in seals(store).items() if before.get(name) != stamp}
     assert made_again == {'3.json', '5.json', '7.json'}
+
+
+@pytest.mark.parametrize('damaged', ['energy/3.0', '.alf_ros/chunks/5.json', MANIFEST])
+def test_a_folder_in_place_of_a_file_is_one_line(whole, tmp_path, damaged):
+    _, study, _, _ = whole
+    store = tmp_path / 'damaged.zarr'
+    conduct(study, store, ThisProcess())
+    (store / damaged).unlink()
+    (store / damaged).mkdir()
+    said = 'its manifest cannot be read' if damaged == MANIFEST else 'cannot be written: '
+    with pytest.raises(InputError, match=f'^store: {said}'):
+        conduct(study, store, ThisProcess())
+
+
+def test_what_is_nested_too_deep_is_damaged(whole, tmp_path):
+    _, study, bytes_, _ = whole
+    store, deep = tmp_path / 'deep.zarr', '[' * 100_000
+    conduct(study, store, ThisProcess())
+    (store / '.alf_ros' / 'chunks' / '5.json').write_text(deep)
+    conduct(study, store, ThisProcess())
+    assert contents(store) == bytes_
+    (store / MANIFEST).write_text(deep)
+    with pytest.raises(InputError, match='its manifest cannot be read'):
+        conduct(study, store, ThisProcess())
 
 
 def test_another_study_or_other_versions_or_something_else_is_left_as_it_is(whole, tmp_path):
@@ -226,6 +252,7 @@ def short(tmp_path, monkeypatch):
     [
         (['--members', '0'], 'alf_ros ensemble: --members: not usable, got 0; expected a whole'),
         (['--members', '2'], 'alf_ros ensemble: --members: a table has fewer, got 2; expected 1'),
+        (['--log', '1'], 'alf_ros ensemble: --log: not usable, got 1; expected a whole number'),
     ],
 )
 def test_an_option_that_cannot_be_is_named(short, tmp_path, capsys, options, said):
@@ -267,6 +294,13 @@ def test_a_store_may_be_this_folder(short, tmp_path, monkeypatch, name):
     monkeypatch.chdir(folder if name == '.' else tmp_path)
     assert short('--store', name) == 0
     assert (tmp_path / 'keep.html').is_file() and (folder / '.alf_ros').is_dir()
+
+
+def test_a_chunk_has_no_more_members_than_the_study(short, tmp_path):
+    text = (tmp_path / 'short.yaml').read_text()
+    (tmp_path / 'short.yaml').write_text(f'{text}chunk: {10**14}\n')
+    assert short('--store', 'run') == 0
+    assert (tmp_path / 'run' / 'm' / '0').stat().st_size == 8
 
 
 def test_what_is_no_report_of_this_store_is_left_as_it_is(short, tmp_path, capsys):

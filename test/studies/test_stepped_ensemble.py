@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -92,6 +93,24 @@ def test_single_members_are_reset():
     assert np.array_equal(again[::4], first[::4])
     assert np.array_equal(ensemble.reset(), begin)
     assert np.array_equal(ensemble.reset(3), begin)
+
+
+@pytest.mark.parametrize('copied', [copy.copy, copy.deepcopy])
+def test_a_copy_moves_by_itself(copied: Any) -> None:
+    vary = {'m': uniform(0.9, 1.1)}
+    one, other = (Ensemble('slider_crank', 9, vary=vary, steps=5, **CRANK) for _ in range(2))
+    for each in (one, other):
+        each.step(np.ones((9, 1)))
+        each.reset(2)
+    split = copied(one)
+    assert np.array_equal(split.step(np.full((9, 1), 50.0)), other.step(np.full((9, 1), 50.0)))
+    assert one.t.tolist() == [0.01, 0.01, 0.0, *[0.01] * 6]
+    assert split.t.tolist() == other.t.tolist() == [0.02, 0.02, 0.01, *[0.02] * 6]
+    other.reset()
+    other.step(np.ones((9, 1)))
+    other.reset(2)
+    assert np.array_equal(one.step(), other.step())  # which the efforts of the copy did not reach
+    assert np.array_equal(split.reset(), other.reset())
 
 
 def test_points_are_observed_too():

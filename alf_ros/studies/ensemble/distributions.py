@@ -97,7 +97,15 @@ class Distribution:
                 raise InputError(
                     'impossible parameters', key=self.law, value=given, expected=law.expected
                 )
-        elif not math.isfinite(self.at(0.5)):
+            return
+        names = _names_of_scipy(self.law)
+        for name in given:
+            if name not in names:
+                raise InputError('unknown key', key=self.law, value=name, choices=names)
+        missing = [name for name in names if name not in (*given, 'loc', 'scale')]
+        if missing:
+            raise InputError(f'missing key {missing[0]!r}', key=self.law)
+        if not math.isfinite(self.at(0.5)):
             raise InputError('impossible parameters', key=self.law, value=given)
 
     @cached_property
@@ -107,10 +115,7 @@ class Distribution:
             law = LAWS[self.law]
             ordered = [float(given[name]) for name in law.numbers]
             return lambda u: law.quantile(u, *ordered)
-        try:
-            frozen = _of_scipy(self.law)(**given)
-        except TypeError as error:
-            raise InputError(str(error), key=self.law) from None
+        frozen = _of_scipy(self.law)(**given)
         return lambda u: float(frozen.ppf(u))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -137,6 +142,12 @@ def _of_scipy(law: str) -> Any:
     if not isinstance(found, stats.rv_continuous):
         raise InputError('no such distribution', value=law, choices=LAWS)
     return found
+
+
+def _names_of_scipy(law: str) -> tuple[str, ...]:
+    """The names of the numbers of a distribution of scipy.stats, in its order."""
+    shapes = (_of_scipy(law).shapes or '').replace(' ', '').split(',')
+    return (*filter(None, shapes), 'loc', 'scale')
 
 
 def uniform(low: float, high: float) -> Distribution:
@@ -179,8 +190,7 @@ def distribution(data: Any, key: str) -> Distribution:
                 return Distribution(str(law), tuple(numbers.items()))
         frozen = getattr(data, 'dist', None)
         if frozen is not None and hasattr(data, 'args') and hasattr(data, 'kwds'):
-            shapes = [*(frozen.shapes or '').replace(' ', '').split(','), 'loc', 'scale']
-            told = dict(zip([name for name in shapes if name], data.args, strict=False))
+            told = dict(zip(_names_of_scipy(frozen.name), data.args, strict=False))
             numbers = {k: float(v) for k, v in {**told, **data.kwds}.items()}
             if frozen.name == 'uniform':  # ours has other numbers
                 low = numbers.get('loc', 0.0)

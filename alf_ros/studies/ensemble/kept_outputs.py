@@ -64,6 +64,20 @@ class LabelledArray:
         """Of the array, as numpy and zarr write it."""
         return f'<U{self.text}' if self.text else '<f8'
 
+    @property
+    def numbers(self) -> dict[str, tuple[int, ...]]:
+        """Where its single numbers are, by name; of a history, or of values at instants, none."""
+        if self.dims and self.dims[0] in ('t', f't_{self.name}'):
+            return {}
+        found: dict[str, tuple[int, ...]] = {}
+        for place in np.ndindex(*self.shape):
+            ends = [
+                str(self.along[dim][n] if dim in self.along else n + 1)
+                for dim, n in zip(self.dims, place, strict=True)
+            ]
+            found['.'.join([self.name, *ends])] = place
+        return found
+
 
 @dataclass(frozen=True)
 class KeptOutput:
@@ -320,10 +334,10 @@ def _called(text: str, label: str | None) -> KeptOutput:
     )
 
 
-def _measured(text: Any) -> tuple[str, bool]:
+def _measured(text: Any, key: str = 'outputs') -> tuple[str, bool]:
     """The quantity in `norm(quantity)`, or in a plain name; and whether the norm is meant."""
     if not isinstance(text, str):
-        raise InputError('not the name of a quantity', key='outputs', value=text)
+        raise InputError('not the name of a quantity', key=key, value=text)
     found = _CALL.fullmatch(text.strip())
     if found is None:
         return text.strip(), False
@@ -351,7 +365,7 @@ def _at(data: Mapping[str, Any], label: str | None) -> KeptOutput:
         raise InputError(
             'not instants', key='at', value=data['at'], expected='ascending s, from 0'
         )
-    quantity, norm = _measured(data.get('of'))
+    quantity, norm = _measured(data.get('of'), 'outputs.of')
     named = '_'.join((['norm'] if norm else []) + [quantity])
     return KeptOutput(label or f'{named}_at', 'at', quantity, norm, times=times)
 

@@ -55,14 +55,7 @@ class Statistics:
         self.units: dict[str, str] = {}
         self._places: dict[str, tuple[str, tuple[int, ...]]] = {}
         for variable in study.variables:
-            if variable.dims and variable.dims[0] in ('t', f't_{variable.name}'):
-                continue
-            for place in np.ndindex(*variable.shape):
-                ends = [
-                    str(variable.along[dim][n] if dim in variable.along else n + 1)
-                    for dim, n in zip(variable.dims, place, strict=True)
-                ]
-                name = '.'.join([variable.name, *ends])
+            for name, place in variable.numbers.items():
                 self.numbers[name] = np.full(study.members, math.nan)
                 self.units[name] = variable.unit
                 self._places[name] = variable.name, place

@@ -35,7 +35,8 @@ class Ensemble:
     velocities of all joint coordinates. steps: of the solver in a step of the ensemble. settings:
     keywords of `Simulation`, as `step` (s) and `integrator`, an explicit one.
 
-    A member has the bits of a Simulation alone. Raises InputError for what cannot be used,
+    A member has the bits of a Simulation alone. `copy.copy` makes an ensemble at the same states
+    that moves by itself. Raises InputError for what cannot be used,
     AssemblyError if a member cannot be assembled.
     """
 
@@ -86,6 +87,21 @@ class Ensemble:
         self.observations = check.texts(observations, 'observations')
         self._observing = self._reading()
         self._bind()
+
+    def __copy__(self) -> Ensemble:
+        # members stand in memory whose addresses the compiled step has: a copy has its own
+        other = type(self).__new__(type(self))
+        vars(other).update(vars(self))
+        other._members = [self.simulation(k) for k in range(len(self))]
+        other.efforts, other._failed = self.efforts.copy(), self.failed
+        other._together = SideBySide(other._members)
+        other._params = other._own_params()
+        other._observing = other._reading()
+        other._bind()
+        return other
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Ensemble:
+        return self.__copy__()
 
     # ---------------------------------------------------------------------------------- set-up
 

@@ -100,10 +100,10 @@ class EnsembleStore:
     def _compare(self, manifest: Path) -> None:
         """Raises InputError if the manifest is of something else."""
         text = zarr_format.text(self._manifest)
-        found = manifest.read_bytes()
-        if found == text:
-            return
         try:
+            found = manifest.read_bytes()
+            if found == text:
+                return
             before, now = json.loads(found), json.loads(text)
             now['study'] = {key: now['study'][key] for key in self.study.data}  # as one reads it
             for part in ('versions', 'study'):
@@ -118,7 +118,7 @@ class EnsembleStore:
                             value=now[part][key],
                             expected=f'{_brief(before[part].get(key))}, or a new folder',
                         )
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             pass
         raise InputError('its manifest cannot be read', key='store', value=str(self.folder))
 
@@ -181,7 +181,7 @@ class EnsembleStore:
                     return None
                 whole = zarr_format.decoded(data, variable.dtype, self.study.chunk, variable.shape)
                 arrays[name] = whole[:rows]
-        except (FileNotFoundError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return None
         return Chunk(number, arrays)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +27,7 @@ from alf_ros.studies.ensemble.structures import Structures
 from alf_ros.studies.sent_scene import SentScene
 
 _KEPT = 4096  # members whose values are kept
+_NO_ARRAY = re.compile(r'[\s/]')
 
 
 @dataclass(frozen=True)
@@ -107,9 +109,18 @@ class Study(SentScene):
         return found
 
     def _check_names(self, found: Sequence[LabelledArray]) -> None:
-        """Raises InputError where arrays, numbers that vary and dimensions share a name."""
+        """Raises InputError where arrays, their single numbers, numbers that vary and dimensions
+        share a name, and where a number that varies has none for an array."""
         known = {'member': 'the number of a member', 'reason': 'the reason of a failure'}
-        known |= {each.name: 'a number that varies' for each in self.parameters}
+        for each in self.parameters:
+            if each.name in known:
+                raise InputError(
+                    f'{known[each.name]} has this name too', key='vary', value=each.name
+                )
+            if _NO_ARRAY.search(each.name):  # its folder; xarray parts the names at spaces
+                expected = 'a name without spaces and /'
+                raise InputError('not usable', key='vary', value=each.name, expected=expected)
+            known[each.name] = 'a number that varies'
         sides: dict[str, tuple[int, object]] = {}
         for variable in found:
             for dim, length in zip(variable.dims, variable.shape, strict=True):
@@ -126,6 +137,12 @@ class Study(SentScene):
                     expected='another label',
                 )
             known[variable.name] = 'another output'
+        singles: set[str] = set()
+        for name in (name for variable in found for name in variable.numbers):
+            if name in singles:
+                expected = 'another label'
+                raise InputError('two numbers of one name', value=name, expected=expected)
+            singles.add(name)
         for each in self.parameters:
             if each.name in sides:
                 raise InputError(

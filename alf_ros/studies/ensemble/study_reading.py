@@ -94,7 +94,8 @@ def study_of(
     _examined(study)
     if chunk is None:
         return replace(study, chunk=_chunk(study))
-    return replace(study, chunk=check.whole(chunk, 'chunk', 1))
+    # a larger chunk has room on the disk for members that the study does not have
+    return replace(study, chunk=min(check.whole(chunk, 'chunk', 1), study.members))
 
 
 def _varied(data: Any, key: str) -> Varied:
@@ -120,6 +121,8 @@ def _examined(study: Study) -> None:
     try:
         study.variables  # noqa: B018  an output that cannot be shows here, before any member runs
     except InputError as error:
+        if error.key == 'vary':
+            raise
         raise InputError(str(error), key='outputs') from None
     first: InputError | None = None
     for k in range(min(study.members, 8)):
