@@ -22,7 +22,7 @@ def reflect(mujoco: Any, model: Any) -> None:
     model on which they are: times gear², as MuJoCo counts them."""
     kinds = mujoco.mjtTrn
     for n in range(model.nu):
-        at, kind = int(model.actuator_trnid[n, 0]), model.actuator_trntype[n]
+        at, kind = int(model.actuator_trnid[n, 0]), int(model.actuator_trntype[n])
         if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
             to, at = 'dof', int(model.jnt_dofadr[at])
         elif kind == kinds.mjTRN_TENDON:
@@ -63,7 +63,7 @@ def add(
         on = _acts_on(mujoco, model, n, joints, tendons)
         fixed = model.actuator_gaintype[n] == mujoco.mjtGain.mjGAIN_FIXED
         fixed &= model.actuator_plugin[n] < 0  # which computes a force of its own
-        bias, dynamic = model.actuator_biastype[n], model.actuator_dyntype[n]
+        bias, dynamic = int(model.actuator_biastype[n]), int(model.actuator_dyntype[n])
         plain = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
         drive = None
         if on is not None and fixed and bias in plain and dynamic in known:
@@ -104,12 +104,14 @@ def _acts_on(
     mujoco: Any, model: Any, n: int, joints: Sequence[str], tendons: Mapping[int, str]
 ) -> _Coordinate | None:
     """The hinge, slide or tendon that an actuator pushes, None for anything else."""
-    kinds, kind, at = mujoco.mjtTrn, model.actuator_trntype[n], int(model.actuator_trnid[n, 0])
+    kinds, at = mujoco.mjtTrn, int(model.actuator_trnid[n, 0])
+    kind = int(model.actuator_trntype[n])
     if kind == kinds.mjTRN_TENDON and at in tendons:
         return _Coordinate(tendons[at], at, True)
     single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT) and model.jnt_type[at] in single:
-        return _Coordinate(joints[at], at, False)
+    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+        if int(model.jnt_type[at]) in single:
+            return _Coordinate(joints[at], at, False)
     return None
 
 

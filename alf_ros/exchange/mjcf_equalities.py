@@ -99,7 +99,7 @@ def _linear(mujoco: Any, model: Any) -> list[int]:
         if model.eq_type[n] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[n]:
             continue
         one, other = int(model.eq_obj1id[n]), int(model.eq_obj2id[n])
-        single = all(model.jnt_type[each] in kinds for each in (one, other) if each >= 0)
+        single = all(int(model.jnt_type[each]) in kinds for each in (one, other) if each >= 0)
         if single and (other < 0 or not np.any(model.eq_data[n, 2:5])):
             found.append(n)
     return found
@@ -133,11 +133,11 @@ def _name(model: Any, equality: int) -> str:
 
 def _loops(mujoco: Any, model: Any) -> dict[int, MjcfLoop]:
     """The active `connect` and `weld`, by their numbers."""
-    kinds = mujoco.mjtEq
+    kinds = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
     return {
         n: _loop(mujoco, model, n)
         for n in range(model.neq)
-        if model.eq_active0[n] and model.eq_type[n] in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD)
+        if model.eq_active0[n] and int(model.eq_type[n]) in kinds
     }
 
 

@@ -40,7 +40,7 @@ def _mesh_folder(mujoco: Any, path: Path) -> Path:
 def _shape(mujoco: Any, model: Any, geom: int, folder: Path) -> tuple[VisualShape, FramePose]:
     """A shape, and its frame in the frame of the geom. Raises ValueError for one that is hidden,
     or of another kind."""
-    kinds, kind = mujoco.mjtGeom, model.geom_type[geom]
+    kinds, kind = mujoco.mjtGeom, int(model.geom_type[geom])
     color, (a, b, c) = _color(model, geom), model.geom_size[geom]
     if model.geom_group[geom] >= _SHOWN or (color is not None and color[3] == 0.0):
         raise ValueError('hidden')

@@ -147,7 +147,7 @@ class _Reader:
             if name not in self.joints:
                 raise InputError('no such joint', key='--set', value=name, choices=self.joints)
             joint = self.joints.index(name)
-            if self.model.jnt_type[joint] not in (hinge, slide):
+            if int(self.model.jnt_type[joint]) not in (hinge, slide):
                 raise InputError('not a hinge or a slide', key='--set', value=name)
             self.data.qpos[self.model.jnt_qposadr[joint]] = value
 
