@@ -67,7 +67,9 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
             acting |= _spring(each)
         acting |= {'damping': each.damping} if each.damping else {}
         acting |= {'friction': each.friction} if each.friction else {}
-        if each.limits is not None and stops is not None:
+        if each.limits is not None and stops is not None and not each.limits[0] < each.limits[1]:
+            robot.leave('limits without range', each.name)
+        elif each.limits is not None and stops is not None:
             low, high = (limit - each.drawn for limit in each.limits)
             acting |= {'lower': low, 'upper': high, 'stop_stiffness': stops}
             _leave_beyond(robot, each.name, each.drawn, each.limits)

@@ -104,9 +104,10 @@ def imported(source: str, **wishes: Any) -> str:
     if scene and robot.velocities:
         section = initial_velocities.section(loaded, robot)
         if not section:
+            many = section is None
             for name in robot.velocities:
-                robot.leave('velocities of bodies', name)
-        text, loaded = _written(robot, asked, section)
+                robot.leave('velocities of many bodies' if many else 'velocities of bodies', name)
+        text, loaded = _written(robot, asked, section or '')
     return text + fitting_solver.section(loaded) if scene else text
 
 

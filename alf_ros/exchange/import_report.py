@@ -29,6 +29,8 @@ MOTION = {
     'gravity (see --scene)': 'gravity is absent',
     'velocities of bodies (see --scene)': 'the motion starts at rest',
     'velocities of bodies': 'the joints do not permit them: the motion starts at rest',
+    'velocities of many bodies': 'the mechanism is too large to fit them to its joints: the '
+    'motion starts at rest',
     'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
     'compensation of gravity (see --scene)': 'these bodies have their whole weight',
@@ -79,7 +81,7 @@ MOTION = {
     'limits of mimics': 'they contradict those of the joints that are mimicked: loops were closed '
     'beyond them',
     'limits: there are none': 'the format asks for some: these joints move without end',
-    'limits without range': 'lower is not below upper: joints pass them',
+    'limits without range': 'lower is not below upper: nothing stops them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
     'mimic that loops imply': 'the loops move these joints',
@@ -133,6 +135,7 @@ READING = {
     'rows of joints that are balls': 'they keep names and angles; no force acts on one of them '
     '(see --no-balls)',
     'zero of joints': 'here it is as drawn',
+    'link of the world: there is none': 'it is the ground, as in Drake',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
     'posture of bodies': 'joints are open as drawn; the bodies were moved to close them',
     'switched off in the file': 'not imported',

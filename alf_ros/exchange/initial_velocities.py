@@ -23,16 +23,16 @@ _ROUNDED = 1e-5  # of the largest: what the velocities of a file may differ from
 _EXAMINED = 1500  # coordinates of mechanisms, with dense matrices
 
 
-def section(scene: Scene, robot: Robot) -> str:
+def section(scene: Scene, robot: Robot) -> str | None:
     """The text of the section for a scene that `robot` became; empty if its joints do not permit
-    the velocities of its bodies."""
+    the velocities of its bodies, None if it is too large to say."""
     try:
         simulation = Simulation(scene)
     except AlfError:
         return ''
     model = simulation.model
     if model.n > _EXAMINED:
-        return ''
+        return None
     speeds = dict(_given(scene, robot))
     if not speeds:
         return ''

@@ -6,6 +6,7 @@ does not, the mass of the mesh is unknown, and the body is named.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,15 @@ def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
     meshes, pictures = (folder / (each or '') for each in (spec.meshdir, spec.texturedir))
     gone = {_name(mesh) for mesh in spec.meshes if _missing(mesh.file, meshes)}
     fields = {_name(field) for field in spec.hfields if _missing(field.file, meshes)}
-    lighter = []
+    lighter, lost = [], set[str]()
     for geom in list(spec.geoms):
         if geom.meshname in gone or geom.hfieldname in fields:
             body = geom.parent
             if body.name != 'world' and not body.explicitinertial:
                 lighter.append(body.name or 'a body without name')
+            lost.add(geom.name)
             spec.delete(geom)
+    _without_geoms(mujoco, spec, lost - {''})
     for mesh in list(spec.meshes):
         if _name(mesh) in gone:
             spec.delete(mesh)
@@ -38,6 +41,18 @@ def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
             spec.delete(skin)
     _without_pictures(spec, pictures)
     return spec.compile(), lighter
+
+
+def _without_geoms(mujoco: Any, spec: Any, lost: Collection[str]) -> None:
+    """Delete the pairs and sensors of geoms that are not there any more."""
+    geom = mujoco.mjtObj.mjOBJ_GEOM
+    for pair in list(spec.pairs):
+        if pair.geomname1 in lost or pair.geomname2 in lost:
+            spec.delete(pair)
+    for sensor in list(spec.sensors):
+        ends = (sensor.objtype, sensor.objname), (sensor.reftype, sensor.refname)
+        if any(kind == geom and name in lost for kind, name in ends):
+            spec.delete(sensor)
 
 
 def _without_pictures(spec: Any, folder: Path) -> None:

@@ -31,6 +31,9 @@ def add(
     """
     model, found = data.model, {}
     for n, name in enumerate(names):
+        if not _is_over_single(mujoco, model, n):
+            robot.leave('tendons', f'{name} is over a ball or a free joint')
+            continue
         shape = _shape(mujoco, data, n, name, joints, held)
         if shape is None:
             robot.leave('tendons', f'{name} wraps around a geom')
@@ -98,7 +101,8 @@ def coupling(mujoco: Any, model: Any, equality: int, name: str) -> MjcfCoupling 
     numbers = list(map(float, model.eq_data[equality, :5]))
     ids = [int(each[equality]) for each in (model.eq_obj1id, model.eq_obj2id)]
     sides = [_over_joints(mujoco, model, n) for n in ids if n >= 0]
-    if not all(sides) or any(numbers[2:]):
+    single = all(_is_over_single(mujoco, model, n) for n in ids if n >= 0)
+    if not all(sides) or not single or any(numbers[2:]):
         return None
     of: dict[int, float] = {}
     constant = numbers[0]
@@ -118,3 +122,11 @@ def _over_joints(mujoco: Any, model: Any, n: int) -> dict[int, float]:
             joint = int(model.wrap_objid[w])
             of[joint] = of.get(joint, 0.0) + float(model.wrap_prm[w])
     return {joint: factor for joint, factor in of.items() if factor}
+
+
+def _is_over_single(mujoco: Any, model: Any, n: int) -> bool:
+    """Whether all joints of a tendon are hinges and slides: of others MuJoCo adds the first number
+    of a quaternion or of a place to the length, which is no coordinate."""
+    kinds = mujoco.mjtJoint
+    joints = list(_over_joints(mujoco, model, n))
+    return bool(np.isin(model.jnt_type[joints], (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)).all())

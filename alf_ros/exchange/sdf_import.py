@@ -62,7 +62,7 @@ class _Reader:
         self.robot = Robot(names[0] if names else path.stem, str(path), (), _STILL)
         down = numbers(text, 3, self.error, 'gravity', gravity)
         self.robot.gravity = tuple(map(float, down))
-        self.frames = SdfFrames(self.error)
+        self.frames = SdfFrames(self._frame_error)
         self.links: dict[str, RobotPart] = {}
         self.still: set[str] = set()  # links of static models
         self.weightless: set[str] = set()  # links without gravity
@@ -317,6 +317,13 @@ class _Reader:
     @property
     def error(self) -> Any:
         return self.robot.error
+
+    def _frame_error(self, key: str, message: str, *at: Any, **details: Any) -> InputError:
+        """An error about a frame, which may be one of a model that was not found."""
+        omitted = self.robot.left_out.names.get('includes')
+        if omitted and 'choices' in details:
+            details['expected'] = f'the content of {", ".join(omitted)}, which was not found'
+        return self.error(key, message, *at, **details)
 
     # -------------------------------------------------------------------------------- joints
 

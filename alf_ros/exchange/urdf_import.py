@@ -34,6 +34,7 @@ from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
+_WITHOUT_AXIS = ('fixed', 'floating')  # types of which no reader reads the <axis>
 _SEVERAL = ('planar', 'floating')  # types with several coordinates
 _LIMITED = ('revolute', 'prismatic')  # types that have limits
 # by element the elements in it that are read, or named one by one
@@ -65,6 +66,7 @@ _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
 _NONE_HERE = 'limits, damping, friction, springs, armature'  # in the report
 _STILL = ': with --floating its root link moves'
+_WORLD = 'world'  # the root link of this name is the ground
 
 
 class UrdfReader:
@@ -242,7 +244,7 @@ class UrdfReader:
                 if len(chain) > len(self.links) + 1:
                     raise self.error(name, 'this link is its own ancestor', self._at('link', name))
             if chain[-1] not in self.part_of:
-                moves = floating and chain[-1] != 'world'
+                moves = floating and chain[-1] != _WORLD
                 self.part_of[chain[-1]] = chain[-1] if moves else GROUND
             for link in reversed(chain[:-1]):
                 joint = self._above[link]
@@ -396,10 +398,15 @@ def _parsed(
             absent.append((_NONE_HERE, joint.get('name', '')))
     kinds |= types
     xml = urdf_joint_types.changed(xml, kinds, str(path)) if kinds else xml
+    if _lacks_world(xml):
+        ElementTree.SubElement(xml, 'link', {'name': _WORLD})
+        absent.append(('link of the world: there is none', _WORLD))
     plain = ElementTree.Element('robot', {'name': path.stem} | xml.attrib)
     for element in xml:  # what else there is may be as it likes
         if element.tag in ('link', 'joint'):
-            kept = [each for each in element if each.tag not in ('visual', 'collision')]
+            dropped = ['visual', 'collision']
+            dropped += ['axis'] if element.get('type') in _WITHOUT_AXIS else []
+            kept = [each for each in element if each.tag not in dropped]
             ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
     for part in plain:
         absent += urdf_numbers.completed(part)
@@ -418,6 +425,13 @@ def _parsed(
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
     return xml, robot, kinds, absent
+
+
+def _lacks_world(xml: ElementTree.Element) -> bool:
+    """Whether a joint hangs from a link `world` that the file does not have, as Drake has it."""
+    parents = (parent for joint in xml.findall('joint') for parent in joint.findall('parent'))
+    named = any(each.get('link') == _WORLD for each in parents)
+    return named and all(each.get('name') != _WORLD for each in xml.findall('link'))
 
 
 def _found(xml: ElementTree.Element, where: str) -> ElementTree.Element | None:

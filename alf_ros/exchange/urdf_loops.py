@@ -24,13 +24,15 @@ from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
 
 _NONE = (0.0, 0.0, 0.0)
+_NOT_HERE = ('screw', 'gearbox')  # types of SDF that close no loops
 
 
 def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
     """The loops of a URDF, which may be open as drawn. Raises InputError."""
     zero = reader.poses_at({})
     for element in _gazebo_joints(reader):
-        yield _gazebo(reader, element, zero)
+        if element.get('type') not in _NOT_HERE:
+            yield _gazebo(reader, element, zero)
     for element in reader.xml.findall('constraint'):
         yield _constraint(reader, element, zero)
 
@@ -39,6 +41,10 @@ def leave(reader: UrdfReader) -> None:
     """Note the extensions of Gazebo that are no loops, and what loops do not have here."""
     urdf_gazebo.leave(reader.robot, reader.xml, reader.links)
     for element in _gazebo_joints(reader):
+        if (kind := element.get('type')) in _NOT_HERE:
+            name = element.get('name', 'gazebo_joint')
+            reader.robot.leave('joints of unknown type', f'{name} ({kind})')
+            continue
         axes = (*element.findall('axis'), *element.findall('axis2'))
         if any(axis.find(tag) is not None for axis in axes for tag in ('limit', 'dynamics')):
             name = element.get('name', 'gazebo_joint')

@@ -301,7 +301,7 @@ def test_limits_of_an_sdf(tmp_path: Path) -> None:
     for lower, upper, said in (
         ('-inf', '2', 'roll: {joint: roll, upper: 2.0, stiffness: 10000.0}'),
         ('-1.79769e+308', '1e16', 'effects:\n  gravity'),
-        ('0', '0', '#   limits without range: lower is not below upper: joints pass them: roll'),
+        ('0', '0', '#   limits without range: lower is not below upper: nothing stops them: roll'),
     ):
         ends = f'<lower>{lower}</lower><upper>{upper}</upper>'
         text = source.replace('<lower>-2</lower><upper>2</upper>', ends)
@@ -321,3 +321,48 @@ def test_options_of_other_formats() -> None:
         imported(path, floating=True)
     with pytest.raises(InputError, match='--set: not for SDF'):
         imported(path, positions={'roll': 1.0})
+
+
+def test_a_link_of_the_world_that_is_not_there(tmp_path: Path) -> None:
+    """Files of Drake hang from `world` without a link of this name; they were refused."""
+    source = robots.double_pendulum()
+    bare = source.replace('<link name="world"/>', '')
+    assert bare != source
+    text = imported(saved(tmp_path, 'it.urdf', bare), scene=True)
+    assert '#   link of the world: there is none: it is the ground, as in Drake: world\n' in text
+    expected = first_speed(imported(saved(tmp_path, 'it.urdf', source), scene=True), 'elbow')
+    assert first_speed(text, 'elbow') == expected != 0.0
+    floating = imported(saved(tmp_path, 'it.urdf', bare), floating=True)
+    assert 'between: [ground, upper]' in floating
+
+
+@pytest.mark.parametrize('axis', ['<axis/>', '<axis xzy="0 0 1"/>', '<axis xyz="0 0"/>'])
+def test_the_axis_of_a_fixed_joint_is_not_read(axis: str, tmp_path: Path) -> None:
+    """As urdfdom does not; without `xyz` such a joint was refused."""
+    fixed = f"""<link name="tip"/><joint name="end" type="fixed"><parent link="lower"/>
+ <child link="tip"/>{axis}</joint></robot>"""
+    source = robots.double_pendulum().replace('</robot>', fixed)
+    assert 'bodies:' in imported(saved(tmp_path, 'it.urdf', source))
+
+
+def test_a_screw_of_gazebo_in_a_urdf_is_listed(tmp_path: Path) -> None:
+    """The PR2 has one, and was refused; a misspelt type still is."""
+    screw = """<gazebo><joint name="lead" type="screw"><parent>upper</parent>
+ <child>lower</child><axis><xyz>0 0 1</xyz></axis></joint></gazebo></robot>"""
+    source = robots.double_pendulum().replace('</robot>', screw)
+    text = imported(saved(tmp_path, 'it.urdf', source))
+    assert '#   joints of unknown type: they are omitted: lead (screw)\n' in text
+    with pytest.raises(InputError, match=r"lead: unknown type of joint, got 'scrow'"):
+        imported(saved(tmp_path, 'it.urdf', source.replace('"screw"', '"scrow"')))
+
+
+def test_sensors_and_pairs_of_meshes_that_are_not_there(tmp_path: Path) -> None:
+    """They name the geom of a mesh; MuJoCo refused the model without it."""
+    pytest.importorskip('mujoco')
+    source = (FOLDER / 'missing_meshes.xml').read_text(encoding='utf-8')
+    source = source.replace('<geom size="0.1"/>', '<geom name="ball" size="0.1"/>')
+    source = source.replace('type="mesh" mesh="arm"/>', 'type="mesh" mesh="arm" name="shell"/>')
+    more = """<contact><pair geom1="shell" geom2="ball"/></contact>
+ <sensor><distance geom1="ball" geom2="shell"/><jointpos joint="pin"/></sensor></mujoco>"""
+    text = imported(saved(tmp_path, 'it.xml', source.replace('</mujoco>', more)))
+    assert 'sensors 1' in text

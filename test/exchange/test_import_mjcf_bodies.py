@@ -113,3 +113,17 @@ def test_compensation_by_actuators_that_are_not_there_is_listed(
     simulation.step(1)
     found = simulation.sample().joints['h'].velocity / 1e-4
     assert found == pytest.approx(data.qacc[0], rel=1e-6)
+
+
+def test_velocities_of_a_mechanism_that_is_too_large(tmp_path: Path) -> None:
+    """The reason was said to be the joints, of which this one has none."""
+    body = '<body pos="{} 0 0"><freejoint/><geom size="0.1"/></body>'
+    many = ''.join(body.format(n) for n in range(130))
+    speeds = ' '.join(['1', *['0'] * 779])
+    source = f"""<mujoco><worldbody>{many}</worldbody>
+<keyframe><key name="k" qvel="{speeds}"/></keyframe></mujoco>"""
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True, key='k')
+    assert (
+        'velocities of many bodies: the mechanism is too large to fit them to its joints' in text
+    )
+    assert 'velocities of bodies' not in text

@@ -175,3 +175,23 @@ def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
         assert f'#   {line}\n' in text
     bare = imported(str(tmp_path / 'it.xml'), key='bent')
     assert '#   tendons (see --scene): they apply no force: belt\n' in bare
+
+
+def test_a_tendon_over_a_ball_is_listed(tmp_path: Path) -> None:
+    """MuJoCo adds the first number of its quaternion; such a file was refused for a name."""
+    ball = (
+        """<body pos="1 0 0"><joint name="b" type="ball"/><geom size=".1"/></body></worldbody>"""
+    )
+    over = """<fixed name="belt" stiffness="9"><joint joint="j1" coef="1"/>
+ <joint joint="b" coef="2"/></fixed>"""
+    source = robot(over + OTHER, EQUALITY % '0').replace('</worldbody>', ball)
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    assert '#   tendons: they apply no force: belt is over a ball or a free joint\n' in text
+    assert 'they are ignored: tied\n' in text
+
+
+def test_limits_of_a_tendon_that_margins_move_past_each_other(tmp_path: Path) -> None:
+    source = robot(BELT % 'range="-0.1 0.1" margin="0.2"')
+    _, _, text = started(tmp_path, source, stops=STOPS)
+    line = 'limits without range: lower is not below upper: nothing stops them: belt'
+    assert f'#   {line}\n' in text and 'stop_stiffness' not in text

@@ -128,3 +128,15 @@ def test_a_version_that_is_absent_or_near_is_listed(tmp_path: Path) -> None:
         assert f': it.sdf has {told}\n' in text
     text = imported(saved(tmp_path, 'it.sdf', PENDULUM.format(' version="1.6"')))
     assert 'version of SDF' not in text
+
+
+def test_a_frame_of_a_model_that_was_not_found(tmp_path: Path) -> None:
+    """The error names the model, which is the cause."""
+    source = """<sdf version="1.9"><model name="m"><link name="hand"/>
+<include merge="true"><uri>model://arm</uri></include>
+<joint name="wrist" type="fixed"><parent>palm</parent><child>hand</child></joint></model></sdf>"""
+    expected = (
+        "it.sdf:3: palm: no such frame, got 'palm'; expected the content of model://arm, which"
+    )
+    with pytest.raises(InputError, match=expected):
+        imported(saved(tmp_path, 'it.sdf', source))
