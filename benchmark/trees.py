@@ -124,7 +124,8 @@ class Tree:
     def mass(self) -> Floats:
         """M (nv, nv)."""
         M = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, M, self.data.qM)
+        for column, unit in zip(M, np.eye(self.model.nv), strict=True):
+            mujoco.mj_mulM(self.model, self.data, column, unit)
         return M
 
     def exact(self, seconds: float) -> Floats:

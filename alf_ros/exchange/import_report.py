@@ -43,6 +43,7 @@ MOTION = {
     'contact of other shapes': 'these pass through the ground',
     'contact between bodies': 'they pass through each other',
     'contact as drawn': 'these are drawn in the ground, which pushes them out at the start',
+    'adhesion and moving surfaces': 'these neither stick to the ground nor carry along',
     'law of contact': 'its stiffness is that of --contact; no impact leaves the ground faster '
     'than 0.1 m/s',
     'filters of contact': 'these meet the ground whatever their bitmask',
@@ -53,6 +54,7 @@ MOTION = {
     'dry friction (see --scene)': 'joints have no friction',
     'higher orders of damping': 'it is linear in the speed: the coefficients of square and cube '
     'are left out',
+    'springs that yield': 'they do not yield here, however far they are bent',
     'higher orders of springs': 'they are linear in the deflection: the coefficients of square '
     'and cube are left out',
     'armature (see --scene)': 'the inertia of rotors is not counted',

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros.exchange import mjcf_actuator_places as places
 from alf_ros.exchange import mjcf_force_ranges, mjcf_switches
 from alf_ros.exchange.general_actuator import GeneralActuator
 from alf_ros.exchange.robot import Robot
@@ -21,7 +22,7 @@ def reflect(mujoco: Any, model: Any) -> None:
     """Move damping and inertia of actuators, also of those that are off, to the coordinates of a
     model on which they are: times gear², as MuJoCo counts them."""
     kinds = mujoco.mjtTrn
-    for n in range(model.nu):
+    for n in range(places.count(model)):
         at, kind = int(model.actuator_trnid[n, 0]), int(model.actuator_trntype[n])
         if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
             to, at = 'dof', int(model.jnt_dofadr[at])
@@ -31,7 +32,8 @@ def reflect(mujoco: Any, model: Any) -> None:
             continue
         for what in ('damping', 'dampingpoly', 'armature'):
             own = getattr(model, f'actuator_{what}')[n]
-            getattr(model, f'{to}_{what}')[at] += own * model.actuator_gear[n, 0] ** 2
+            gear = model.actuator_gear[places.output(model, n), 0]
+            getattr(model, f'{to}_{what}')[at] += own * gear**2
 
 
 def add(
@@ -63,6 +65,7 @@ def add(
         on = _acts_on(mujoco, model, n, joints, tendons)
         fixed = model.actuator_gaintype[n] == mujoco.mjtGain.mjGAIN_FIXED
         fixed &= model.actuator_plugin[n] < 0  # which computes a force of its own
+        fixed &= places.is_single(model, n)
         bias, dynamic = int(model.actuator_biastype[n]), int(model.actuator_dyntype[n])
         plain = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
         drive = None
@@ -118,15 +121,17 @@ def _acts_on(
 def _input(mujoco: Any, data: Any, n: int) -> _Input:
     model, dynamics = data.model, mujoco.mjtDyn
     integrates = model.actuator_dyntype[n] == dynamics.mjDYN_INTEGRATOR
-    value, is_limited, ends = data.ctrl[n], model.actuator_ctrllimited[n], model.actuator_ctrlrange
+    at = places.control(model, n)
+    value, is_limited = data.ctrl[at], model.actuator_ctrllimited[at]
+    ends = model.actuator_ctrlrange[at]
     if is_limited:
-        value = np.clip(value, *ends[n])
+        value = np.clip(value, *ends)
     if integrates:
         value, is_limited = data.act[model.actuator_actadr[n]], False
     if model.actuator_dyntype[n] != dynamics.mjDYN_NONE and model.actuator_actlimited[n]:
-        is_limited, ends = True, model.actuator_actrange
-        value = np.clip(value, *ends[n])
-    low, high = map(float, ends[n])
+        is_limited, ends = True, model.actuator_actrange[n]
+        value = np.clip(value, *ends)
+    low, high = map(float, ends)
     return _Input(float(value), bool(is_limited), (low, high))
 
 
@@ -138,7 +143,7 @@ def _actuator(
     return GeneralActuator(
         name,
         on.name,
-        float(model.actuator_gear[n, 0]),
+        float(model.actuator_gear[places.output(model, n), 0]),
         float(model.actuator_gainprm[n, 0]),
         (b0, b1, b2),
         given.value,

@@ -47,8 +47,25 @@ def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
             pair = _pair(model, geom, plane)
             if pair is not None:
                 _touch(robot, mujoco, data, geom, part, plane, pair)
+    for name in _moving_or_sticking(model):
+        robot.leave('adhesion and moving surfaces', name)
     for part in (*_touching(mujoco, model, held, planes), *_paired(model, held, planes)):
         robot.leave('contact between bodies', part)
+
+
+def _moving_or_sticking(model: Any) -> Iterator[str]:
+    """Geoms and pairs that stick, or whose surface moves, as from MuJoCo 3.17 on they can."""
+    nothing = np.zeros(max(model.ngeom, model.npair))
+    adhesion, of_pairs, speed = (
+        getattr(model, name, nothing)
+        for name in ('geom_adhesion', 'pair_adhesion', 'geom_surfacevel')
+    )
+    for geom in range(model.ngeom):
+        if np.any(adhesion[geom]) or np.any(speed[geom]):
+            yield model.geom(geom).name or f'geom{geom}'
+    for pair in range(model.npair):
+        if np.any(of_pairs[pair]):
+            yield model.pair(pair).name or f'pair{pair}'
 
 
 def _is_ground(mujoco: Any, model: Any, geom: int, held: Sequence[str]) -> bool:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros.exchange import mjcf_actuator_places as places
 from alf_ros.exchange.robot import Actuator, Robot
 
 
@@ -66,7 +67,8 @@ def _pulled(mujoco: Any, data: Any, all_driving: Sequence[Driving]) -> list[int]
         stage(model, data)
     moved: set[int] = set()
     for n in pulling:
-        first, count = int(data.moment_rowadr[n]), int(data.moment_rownnz[n])
+        row = places.output(model, n)
+        first, count = int(data.moment_rowadr[row]), int(data.moment_rownnz[row])
         moved |= {int(model.dof_jntid[dof]) for dof in data.moment_colind[first : first + count]}
     return sorted(joint for joint in moved if model.jnt_actfrclimited[joint])
 

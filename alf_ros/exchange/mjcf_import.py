@@ -14,6 +14,7 @@ import numpy as np
 
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
+    mjcf_actuator_places,
     mjcf_actuators,
     mjcf_assets,
     mjcf_contacts,
@@ -127,7 +128,7 @@ class _Reader:
         given = self.robot, mujoco, self.data
         tendons = mjcf_tendons.add(*given, self.tendons, self.joints, self.held)
         mjcf_equalities.add(*given, self.joints, self.held)
-        names = self._names('actuator', model.nu)
+        names = self._names('actuator', mjcf_actuator_places.count(model))
         mjcf_actuators.add(*given, names, self.joints, tendons)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
         mjcf_contacts.add(self.robot, mujoco, self.data, self.held)
@@ -209,6 +210,8 @@ class _Reader:
             if np.any(orders):
                 numbers = ' and '.join(f'{number:g}' for number in orders)
                 self.robot.leave(f'higher orders of {kind}', f'{name} {numbers}')
+        if model.jnt_stiffness[joint] and mjcf_switches.yields(model, 'jnt', joint):
+            self.robot.leave('springs that yield', name)
         return Connection(
             name,
             'revolute' if turns else 'prismatic',

@@ -79,6 +79,12 @@ def pushes(mujoco: Any, model: Any) -> bool:
     return bool(model.nu) and not _is_set(mujoco, model, 'ACTUATION')
 
 
+def yields(model: Any, kind: str, n: int) -> bool:
+    """Whether the spring of joint (`jnt`) or `tendon` n yields, as from MuJoCo 4.0 on it can."""
+    limits = getattr(model, f'{kind}_springyield', None)
+    return limits is not None and bool(limits[n])
+
+
 def _is_set(mujoco: Any, model: Any, flag: str) -> bool:
     return bool(model.opt.disableflags & getattr(mujoco.mjtDisableBit, f'mjDSBL_{flag}'))
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.exchange import mjcf_switches
 from alf_ros.exchange.mjcf_posture import MjcfCoupling
 from alf_ros.exchange.robot import Robot, Tendon
 
@@ -45,6 +46,10 @@ def add(
                 (model.tendon_stiffnesspoly[n], model.tendon_dampingpoly[n]),
             ),
             ('armature of tendons', model.tendon_armature[n]),
+            (
+                'springs that yield',
+                model.tendon_stiffness[n] and mjcf_switches.yields(model, 'tendon', n),
+            ),
         ):
             if np.any(value):
                 robot.leave(kind, name)

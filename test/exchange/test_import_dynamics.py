@@ -85,7 +85,8 @@ class Independent:
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
         M = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, M, data.qM)
+        for column, unit in zip(M, np.eye(model.nv), strict=True):
+            mujoco.mj_mulM(model, data, column, unit)
         J, bent = self.jacobian(q, v)
         m, n = J.shape
         whole = np.block([[M, -J.T], [J, np.zeros((m, m))]])
