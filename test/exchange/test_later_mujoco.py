@@ -61,8 +61,8 @@ def test_springs_that_yield_are_listed(tmp_path: Path) -> None:
     """MuJoCo before 4.0 does not know them, and refuses the file."""
     source = BARS.format(
         joint='stiffness="2" springyield="0.3"',
-        more="""<tendon><fixed name="t" stiffness="1" springyield="0.2"><joint joint="j2" coef="1"/>
-</fixed></tendon>""",
+        more="""<tendon><fixed name="t" stiffness="1" springyield="0.2">
+<joint joint="j2" coef="1"/></fixed></tendon>""",
     )
     file = saved(tmp_path, 'it.xml', source)
     if int(mujoco.__version__.partition('.')[0]) < 4:

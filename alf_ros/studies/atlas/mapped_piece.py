@@ -18,8 +18,8 @@ from alf_ros.studies.atlas.map_coordinate import MapCoordinate
 from alf_ros.studies.atlas.transmission import Bar, ratio
 
 TRAVEL_LIMIT, DEAD_POINT = 'travel limit', 'dead point'
-# rate along a tangent of length 1, from which down a coordinate stands still: the tangent in a node
-# is known to about the root of the rounding
+# rate along a tangent of length 1, from which down a coordinate stands still: the tangent in a
+# node is known to about the root of the rounding
 _STILL = 1e-7
 _EXACT = 4.0 * np.finfo(float).eps  # of the chord, to which a turning point is located
 
