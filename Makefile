@@ -11,7 +11,7 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run view check test docs fuzz soak benchmark clean
+.PHONY: help setup run view check test newest docs fuzz soak benchmark clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
@@ -19,6 +19,7 @@ help:
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
 	@echo 'make check   linters (of prose too), type checks, quick tests without a node and their coverage, under 90 s'
 	@echo 'make test    linters, type checks and all tests'
+	@echo 'make newest [PYTHON=python3.13]   tests that need no ROS, with the newest versions of all libraries'
 	@echo 'make docs [ARGS=--no-films]   the documentation site: build/docs/html/index.html'
 	@echo 'make fuzz [ARGS="--minutes 60"]   files, logs and commands nobody would write, by the thousand'
 	@echo 'make soak [ARGS="--minutes 60"]   two nodes for hours: commands, resets, kills; every log verified'
@@ -69,6 +70,14 @@ $(COVERAGE) erase; \
 	$(COVERAGE) combine --quiet; printf 'lines of the library that these tests run, %%: '; \
 	$(COVERAGE) report --format=total || failed="$$failed, coverage";
 endef
+
+# `requirements/` pins versions; pip without them takes the newest ones, as users of the library do.
+newest:
+	@$(or $(PYTHON),python3) -m venv .venv_newest
+	@.venv_newest/bin/python -m pip install --quiet --upgrade --upgrade-strategy eager pip setuptools \
+		'.[record,plot,table,import,ensemble,view]' $$(sed -n 's/==.*//p' requirements/test.txt)
+	@.venv_newest/bin/python -m pip uninstall --quiet --yes alf_ros
+	@.venv_newest/bin/python $(PYTEST) --without-ros $(ARGS)
 
 # Moving pictures of the gallery take two minutes; they are kept, and drawn again when they would change.
 docs: setup

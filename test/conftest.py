@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import importlib
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -57,12 +58,29 @@ if 'PYTEST_XDIST_WORKER' in os.environ:  # the process that starts the workers h
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """How many scene files with mistakes test/scene/test_mutants.py tries, and how often each
-    process of an ensemble is killed (test/studies/test_ensemble_kills.py)."""
+    """How many scene files with mistakes test/scene/test_mutants.py tries, how often each process
+    of an ensemble is killed (test/studies/test_ensemble_kills.py), and whether files that need ROS
+    are left out."""
     parser.addoption('--mutants', type=int, default=100, metavar='N')
     parser.addoption('--kills', type=int, default=1, metavar='N')
+    parser.addoption('--without-ros', action='store_true')
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With `--without-ros` files that need it, and what is tried on the whole project."""
+    if not config.getoption('--without-ros'):
+        return None
+    if collection_path.parent.name in _WITH_ROS:
+        return True
+    if collection_path.suffix != '.py':
+        return None
+    return _ROS.search(collection_path.read_text('utf-8')) is not None or None
+
+
+_WITH_ROS = ('commands', 'project', 'ros')
+_ROS = re.compile(
+    r'rclpy|_msgs|builtin_interfaces|rosbag|alf_ros\.(commands|ros)\b|support\.\w*(ros|node)'
+)
 # What is drawn is the same every time: a failure is of the change, not of the day. `make fuzz` and
 # ALF_ROS_LONG=1 draw anew.
 settings.register_profile('same', derandomize=True, database=None)
@@ -118,6 +136,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """
     worker = getattr(session.config, 'workerinput', None)
     if worker is None:
+        return
+    if session.config.getoption('--without-ros'):
         return
     named = [Path(argument.partition('::')[0]).absolute() for argument in session.config.args]
     files = [file for path in named for file in sorted(path.rglob('test_*.py')) or [path]]
