@@ -66,6 +66,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption('--without-ros', action='store_true')
 
 
+_WITH_ROS = ('commands', 'project', 'ros')
+_ROS = re.compile(r'rclpy|_msgs|ros\.simulator|support\.(balance|log_files|ros_node)')
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """With `--without-ros` files that need it, and what is tried on the whole project."""
     if not config.getoption('--without-ros'):
@@ -77,10 +81,6 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return _ROS.search(collection_path.read_text('utf-8')) is not None or None
 
 
-_WITH_ROS = ('commands', 'project', 'ros')
-_ROS = re.compile(
-    r'rclpy|_msgs|builtin_interfaces|rosbag|alf_ros\.(commands|ros)\b|support\.\w*(ros|node)'
-)
 # What is drawn is the same every time: a failure is of the change, not of the day. `make fuzz` and
 # ALF_ROS_LONG=1 draw anew.
 settings.register_profile('same', derandomize=True, database=None)
