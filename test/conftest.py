@@ -78,7 +78,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
         return True
     if collection_path.suffix != '.py':
         return None
-    return _ROS.search(collection_path.read_text('utf-8')) is not None or None
+    return bool(_ROS.search(collection_path.read_text('utf-8'))) or None
 
 
 # What is drawn is the same every time: a failure is of the change, not of the day. `make fuzz` and
