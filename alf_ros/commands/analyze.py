@@ -50,6 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise InputError(
             'no speed', key='--speed', value=f'{options.speed:g}', expected='a number above 0'
         )
+    if options.animation:
+        animation.check_format(paths.named(options.animation, '--animation'))
     logs = [load(path) for path in options.logs]
     target = paths.named(options.output, '--output') if options.output else _beside(logs)
     accounts = []

@@ -99,6 +99,15 @@ def test_what_cannot_be_drawn_is_one_line(
     assert said in str(caught.value) and '\n' not in str(caught.value)
 
 
+def test_a_wrong_format_is_told_before_the_page_is_written(
+    planar: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match='no format'):
+        main([str(planar), '-o', 'page.html', '--animation', 'film.avi'])
+    assert not any(tmp_path.iterdir())
+
+
 def test_mp4_without_ffmpeg_names_the_program(
     planar: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -81,6 +81,15 @@ def titles(accounts: Sequence[Account], solvers: Sequence[Mapping[str, object]])
     return [', '.join(f'{key}: {each.get(key)}' for key in keys) for each in solvers]
 
 
+def check_format(path: Path) -> None:
+    """Raises InputError for a file that is not in FORMATS."""
+    if path.suffix.lower() not in FORMATS:
+        expected = ', '.join(FORMATS)
+        raise InputError(
+            'no format of a moving picture', key='--animation', value=str(path), expected=expected
+        )
+
+
 def write(
     path: Path,
     films: Sequence[Film],
@@ -93,11 +102,7 @@ def write(
     that needs a program that is missing, for a film that is too long, and if the file cannot be
     written; ImportError without matplotlib.
     """
-    expected = ', '.join(FORMATS)
-    if path.suffix.lower() not in FORMATS:
-        raise InputError(
-            'no format of a moving picture', key='--animation', value=str(path), expected=expected
-        )
+    check_format(path)
     first, last = min(each.t[0] for each in films), max(each.t[-1] for each in films)
     count = round((last - first) / speed * FPS) + 1
     if count > MOST_PICTURES:

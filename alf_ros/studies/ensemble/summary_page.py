@@ -96,7 +96,12 @@ def _lines(told: NumberSummary) -> list[tuple[str, str]]:
 def _bar(each: Influence) -> tuple[str, float, str]:
     if not math.isnan(each.total):
         return each.name, each.total, f'{each.total:.3f} ({each.first:.3f})'
-    return each.name, abs(each.correlation), f'{each.correlation:+.3f}'
+    told = '–' if math.isnan(each.correlation) else f'{each.correlation:+.3f}'
+    return (
+        each.name,
+        abs(each.correlation),
+        told,
+    )  # texts, and values that are all equal, have none
 
 
 class _Failures:
