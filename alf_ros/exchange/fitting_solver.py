@@ -189,9 +189,10 @@ def _run(simulation: Simulation, integrator: str, tolerance: float) -> TrialRun:
         run = simulation.with_solver(integrator, tolerance)
         most = _PART * WORK / (OVERHEAD + run.model.n)
         while len(places) < _DURATION and run.evaluations <= most:
-            run.step(_SPACING)
-            places.append(run.state.q.reshape(-1, run.model.layout.dimension))
+            run.step()  # one alone can be thousands of short ones
             evaluations = run.evaluations / run.step_index
+            if run.step_index % _SPACING == 0:
+                places.append(run.state.q.reshape(-1, run.model.layout.dimension))
     except StepError as error:
         failed = str(error)
     return TrialRun(np.array(places), evaluations, failed)
