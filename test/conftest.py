@@ -71,7 +71,7 @@ _ROS = re.compile(r'rclpy|_msgs|ros\.simulator|support\.(balance|log_files|ros_n
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """With `--without-ros` files that need it, and what is tried on the whole project."""
+    """Leave out files that need ROS, and tests of the whole project, with `--without-ros`."""
     if not config.getoption('--without-ros'):
         return None
     if collection_path.parent.name in _WITH_ROS:

@@ -116,7 +116,7 @@ def test_compensation_by_actuators_that_are_not_there_is_listed(
 
 
 def test_velocities_of_a_mechanism_that_is_too_large(tmp_path: Path) -> None:
-    """The reason was said to be the joints, of which this one has none."""
+    """The message blamed the joints, of which this one has none."""
     body = '<body pos="{} 0 0"><freejoint/><geom size="0.1"/></body>'
     many = ''.join(body.format(n) for n in range(130))
     speeds = ' '.join(['1', *['0'] * 779])

@@ -1,4 +1,4 @@
-"""What MuJoCo can do from 3.17 on, in an imported MJCF."""
+"""Features of MuJoCo from 3.17 on in an imported MJCF."""
 
 from __future__ import annotations
 
