@@ -77,7 +77,7 @@ newest:
 	@.venv_newest/bin/python -m pip install --quiet --upgrade --upgrade-strategy eager pip setuptools \
 		'.[record,plot,table,import,ensemble,view]' $$(sed -n 's/==.*//p' requirements/test.txt)
 	@.venv_newest/bin/python -m pip uninstall --quiet --yes alf_ros
-	@.venv_newest/bin/python $(PYTEST) --without-ros $(ARGS)
+	@PYTHONPATH='$(CURDIR)' .venv_newest/bin/python $(PYTEST) --without-ros $(ARGS)
 
 # Moving pictures of the gallery take two minutes; they are kept, and drawn again when they would change.
 docs: setup

@@ -34,6 +34,8 @@ MOTION = {
     'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
     'compensation of gravity (see --scene)': 'these bodies have their whole weight',
+    'mass of disabled shapes': 'shapes whose collision is disabled have no mass, as the '
+    'specification of OpenUSD 26.11 says',
     'inertia: default of USD': 'a body with a mass and without shapes has that of a ball of 0.1 m',
     'shapes without their file': 'their mass is not counted',
     'contact': 'bodies pass through each other and through the ground (see --ground)',

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
         if part == GROUND:
             continue
         for plane in planes:
-            pair = _pair(model, geom, plane)
+            pair = _pair(model, geom, plane, _uses_gap(mujoco))
             if pair is not None:
                 _touch(robot, mujoco, data, geom, part, plane, pair)
     for name in _moving_or_sticking(model):
@@ -73,12 +74,24 @@ def _is_ground(mujoco: Any, model: Any, geom: int, held: Sequence[str]) -> bool:
     return bool(is_plane and held[model.geom_bodyid[geom]] == GROUND)
 
 
-def _pair(model: Any, one: int, other: int) -> _Pair | None:
-    """None for two geoms that pass through each other."""
+@cache
+def _uses_gap(mujoco: Any) -> bool:
+    """Whether MuJoCo pushes from margin - gap on, as it did before 3.17; then from the margin."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body><freejoint/>
+        <geom size="1" margin="0.5" gap="0.25"/></body></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return bool(data.contact.includemargin[0] < model.geom_margin.max())
+
+
+def _pair(model: Any, one: int, other: int, used: bool) -> _Pair | None:
+    """None for two geoms that pass through each other; `used`: see `_uses_gap`."""
     for n in range(model.npair):
         if {int(model.pair_geom1[n]), int(model.pair_geom2[n])} == {one, other}:
             friction = model.pair_friction[n]
-            margin = float(model.pair_margin[n] - model.pair_gap[n])
+            margin = float(model.pair_margin[n] - used * model.pair_gap[n])
             dims = int(model.pair_dim[n])
             return _Pair(float(friction[0]) if dims > 1 else 0.0, dims > 3, margin)
     masks = model.geom_contype, model.geom_conaffinity
@@ -91,7 +104,9 @@ def _pair(model: Any, one: int, other: int) -> _Pair | None:
     ruling = [each for each, rank in zip((one, other), ranks, strict=True) if rank == max(ranks)]
     dims = max(int(model.geom_condim[each]) for each in ruling)
     friction = max(float(model.geom_friction[each, 0]) for each in ruling)
-    margin = sum(float(model.geom_margin[each] - model.geom_gap[each]) for each in (one, other))
+    margin = sum(
+        float(model.geom_margin[each] - used * model.geom_gap[each]) for each in (one, other)
+    )
     return _Pair(friction if dims > 1 else 0.0, dims > 3, margin)
 
 

@@ -36,6 +36,7 @@ class UsdBodies:
         self.prims: dict[str, Any] = {}
         self.any_body = False
         self.shapes: dict[str, list[Any]] = {}
+        self._with_disabled: set[str] = set()  # bodies with shapes whose collision is disabled
         for prim in stage.prims():
             path, schemas = str(prim.GetPath()), stage.schemas(prim)
             owner = self._owner[str(prim.GetPath().GetParentPath())]
@@ -46,7 +47,10 @@ class UsdBodies:
                     self.prims[path] = prim
             self._owner[path] = owner
             if 'PhysicsCollisionAPI' in schemas and _has_shape(prim, schemas):
-                self.shapes.setdefault(owner, []).append(prim)
+                if stage.holds(prim, 'physics:collisionEnabled', True):
+                    self.shapes.setdefault(owner, []).append(prim)
+                else:
+                    self._with_disabled.add(owner)
         self.names = unique_names(self.prims)
 
     def owner(self, path: str) -> str:
@@ -66,6 +70,8 @@ class UsdBodies:
         if not mass or com is None or inertia is None:
             density = stage.number(prim, 'physics:density')
             shapes = [self._shape(each, density) for each in self.shapes.get(path, ())]
+            if path in self._with_disabled:
+                self._robot.leave('mass of disabled shapes', name)
         if shapes:
             whole = lumped(name, origin, shapes)
             if com is not None:  # as USD has it: the same mass about another place

@@ -17,7 +17,7 @@ _ARGUMENT = re.compile(
     r"""<\w+:arg\b[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg\s+([^)\s]+)|\barg\(\s*["']([^"']+)"""
 )
 _PACKAGE = re.compile(r'\$\(find\s+([^)\s]+)')
-_NOT_FOUND = ('AMENT_PREFIX_PATH', 'not found, searching')
+_NOT_FOUND = ('AMENT_PREFIX_PATH', 'not found, searching', 'ament_index')
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Simulation
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
@@ -185,7 +186,11 @@ def test_a_tendon_over_a_ball_is_listed(tmp_path: Path) -> None:
     over = """<fixed name="belt" stiffness="9"><joint joint="j1" coef="1"/>
  <joint joint="b" coef="2"/></fixed>"""
     source = robot(over + OTHER, EQUALITY % '0').replace('</worldbody>', ball)
-    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    try:
+        text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    except InputError as error:  # of MuJoCo 4
+        assert 'must be slide or hinge' in str(error)
+        return
     assert '#   tendons: they apply no force: belt is over a ball or a free joint\n' in text
     assert 'they are ignored: tied\n' in text
 

@@ -293,7 +293,11 @@ PAIR, MASKED = (
     ids=['plugin', 'actuator by a plugin', 'pair', 'asleep', 'nothing'],
 )  # fmt: skip
 def test_each_of_an_mjcf_is_named(tmp_path: Path, text: str, told: str | None) -> None:
-    pytest.importorskip('mujoco')
+    mujoco = pytest.importorskip('mujoco')
+    if text is CABLE and int(mujoco.__version__.partition('.')[0]) >= 4:
+        with pytest.raises(InputError, match='composite'):  # which MuJoCo 4 has no more
+            report(tmp_path, 'a.xml', text)
+        return
     lines, _ = report(tmp_path, 'a.xml', text)
     assert lines == [] if told is None else any(line.startswith(told) for line in lines), lines
 

@@ -179,11 +179,10 @@ OF_SHAPES = {
 
 @pytest.mark.parametrize('given', MASSES.values(), ids=MASSES)
 def test_what_is_left_open_is_as_usd_core_computes_it(given: str, tmp_path: Path) -> None:
-    """Two boxes, of which one says more; one does not collide, which changes no mass."""
+    """Two boxes, of which one says more."""
     for own in OF_SHAPES.values():
         first = prim('Cube', 'one', 'Collision Mass', 'double size = 1', own)
-        off = 'double size = 0.5\nbool physics:collisionEnabled = false'
-        second = prim('Cube', 'two', 'Collision', placed((1.0, 0.5, 0.0)), off)
+        second = prim('Cube', 'two', 'Collision', placed((1.0, 0.5, 0.0)), 'double size = 0.5')
         text = stage(body('b', given, first, second))
         (part,) = robot_of(tmp_path, text).parts
         sizes = {'one': ((0.0,) * 3, (1.0,) * 3), 'two': ((1.0, 0.5, 0.0), (0.5,) * 3)}
@@ -191,6 +190,21 @@ def test_what_is_left_open_is_as_usd_core_computes_it(given: str, tmp_path: Path
         assert part.mass == pytest.approx(mass, rel=1e-6)
         assert part.com == pytest.approx(com, abs=1e-6)
         assert part.inertia == pytest.approx(inertia, abs=1e-5 * np.abs(inertia).max())
+
+
+def test_a_disabled_shape_has_no_mass(tmp_path: Path) -> None:
+    """As the specification has it from OpenUSD 26.11 on; earlier it left this open, and usd-core
+    counted such shapes."""
+    off = 'double size = 0.5\nbool physics:collisionEnabled = false'
+    shapes = (
+        prim('Cube', 'one', 'Collision', 'double size = 1'),
+        prim('Cube', 'two', 'Collision', off),
+    )
+    robot = robot_of(tmp_path, stage(body('b', '', *shapes)))
+    assert robot.parts[0].mass == pytest.approx(1000.0, rel=1e-12)
+    assert robot.left_out.names['mass of disabled shapes'] == ['b']
+    whole = robot_of(tmp_path, stage(body('b', FULL, *shapes)))
+    assert 'mass of disabled shapes' not in whole.left_out.names
 
 
 def test_a_mass_without_shapes(tmp_path: Path) -> None:
