@@ -26,10 +26,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def output(folder: Path) -> str:
-    """The output of `python orbit.py` in the folder, with the default cache."""
+def output(folder: Path, program: str = 'orbit.py') -> str:
+    """The output of a program in the folder, with the default cache."""
     done = subprocess.run(
-        [sys.executable, 'orbit.py'],
+        [sys.executable, program],
         cwd=folder,
         env={**os.environ, 'PYTHONPATH': str(ROOT)},
         capture_output=True,
@@ -43,6 +43,18 @@ def test_documented_effect_runs(folder: Path) -> None:
     """The orbit is a circle."""
     (told,) = (text for kind, text in BLOCKS if kind == 'text')
     assert output(folder) == told
+
+
+@pytest.mark.parametrize('first', ['module', 'file'])
+def test_a_file_that_is_also_a_module(folder: Path, first: str) -> None:
+    """Both compile the same text: the code that one has saved is no code of the other."""
+    text = FILES['magnet.py'] + f'\n# first as a {first}\n'
+    (folder / 'magnet.py').write_text(text, 'utf-8')
+    (told,) = (text for kind, text in BLOCKS if kind == 'text')
+    (folder / 'use.py').write_text('import magnet\n', 'utf-8')  # which compiles its force
+    for name in ('use', 'orbit') if first == 'module' else ('orbit', 'use'):
+        said = output(folder, f'{name}.py')
+        assert said == ('' if name == 'use' else told)
 
 
 def test_an_edit_takes_effect_at_once(folder: Path) -> None:

@@ -11,7 +11,7 @@ nothing in it can be old.
   imports, of alf_ros/kernel and of alf_ros/effects/contract. It is taken when the file is
   imported; if the sources are no longer the same when the code is saved, it is not saved
   (`cache_sources`).
-- A file holds one overload. Its name has the digest of the types of the arguments. It is written
+- A file holds one overload. Its name has the digest of the module and the types of the arguments. It is written
   under another name, then renamed: a reader thus reads all of it. Its content has a digest too: a
   damaged file is compiled again, never run.
 - One process compiles an overload: on a miss it locks the name of the file, looks again, compiles
@@ -93,7 +93,9 @@ class Cache(_Cache):
     def _key(self, signature: Any) -> tuple[str, str]:
         """Name of the file of an overload, and what must stand in it."""
         cells = [cell.cell_contents for cell in self._function.__closure__ or ()]
-        text = f'{self._name}\n{signature}\n'.encode() + (dumps(cells) if cells else b'')
+        # what is saved names the module: a file of an effect can be another one in a package
+        module = self._function.__module__
+        text = f'{self._name}\n{module}\n{signature}\n'.encode() + (dumps(cells) if cells else b'')
         key = hashlib.sha256(text).hexdigest()
         return f'{self._name}-{key[:16]}', key
 
