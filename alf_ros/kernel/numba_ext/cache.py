@@ -11,9 +11,9 @@ nothing in it can be old.
   imports, of alf_ros/kernel and of alf_ros/effects/contract. It is taken when the file is
   imported; if the sources are no longer the same when the code is saved, it is not saved
   (`cache_sources`).
-- A file holds one overload. Its name has the digest of the module and the types of the arguments. It is written
-  under another name, then renamed: a reader thus reads all of it. Its content has a digest too: a
-  damaged file is compiled again, never run.
+- A file holds one overload. Its name has the digest of the module and of the types of the
+  arguments. It is written under another name, then renamed: a reader thus reads all of it. Its
+  content has a digest too: a damaged file is compiled again, never run.
 - One process compiles an overload: on a miss it locks the name of the file, looks again, compiles
   and saves. Other processes compile other overloads at the same time. A hit takes no lock. Locks
   are taken along calls: first of a function, then of the functions that it calls. Calls have no
