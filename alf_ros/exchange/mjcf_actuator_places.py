@@ -1,6 +1,6 @@
 """Where the numbers of an actuator of MuJoCo stand.
 
-From MuJoCo 3.17 on an actuator may have several controls and push with several numbers. Arrays of
+From MuJoCo 3.11 on an actuator may have several controls and push with several numbers. Arrays of
 controls and of gears then have places of their own; before, they have one for each actuator.
 """
 

@@ -55,7 +55,7 @@ def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
 
 
 def _moving_or_sticking(model: Any) -> Iterator[str]:
-    """Geoms and pairs that stick, or whose surface moves, as from MuJoCo 3.17 on they can."""
+    """Geoms and pairs that stick, or whose surface moves, as from MuJoCo 3.11 on they can."""
     nothing = np.zeros(max(model.ngeom, model.npair))
     adhesion, of_pairs, speed = (
         getattr(model, name, nothing)
@@ -76,7 +76,7 @@ def _is_ground(mujoco: Any, model: Any, geom: int, held: Sequence[str]) -> bool:
 
 @cache
 def _uses_gap(mujoco: Any) -> bool:
-    """Whether MuJoCo pushes from margin - gap on, as it did before 3.17; then from the margin."""
+    """Whether MuJoCo pushes from margin - gap on, as it did before 3.9; then from the margin."""
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body><freejoint/>
         <geom size="1" margin="0.5" gap="0.25"/></body></worldbody></mujoco>"""

@@ -1,4 +1,4 @@
-"""Features of MuJoCo from 3.17 on in an imported MJCF."""
+"""Features of MuJoCo from 3.11 on in an imported MJCF."""
 
 from __future__ import annotations
 
