@@ -73,7 +73,7 @@ endef
 
 # `requirements/` pins versions; pip without them takes the newest ones, as users of the library do.
 newest:
-	@$(or $(PYTHON),python3) -m venv .venv_newest
+	@$(or $(PYTHON),python3) -m venv --clear .venv_newest
 	@.venv_newest/bin/python -m pip install --quiet --upgrade --upgrade-strategy eager pip setuptools \
 		'.[record,plot,table,import,ensemble,view]' $$(sed -n 's/==.*//p' requirements/test.txt)
 	@.venv_newest/bin/python -m pip uninstall --quiet --yes alf_ros

@@ -30,9 +30,9 @@ def reflect(mujoco: Any, model: Any) -> None:
             to = 'tendon'
         else:
             continue
+        gear = model.actuator_gear[places.output(model, n), 0]
         for what in ('damping', 'dampingpoly', 'armature'):
             own = getattr(model, f'actuator_{what}')[n]
-            gear = model.actuator_gear[places.output(model, n), 0]
             getattr(model, f'{to}_{what}')[at] += own * gear**2
 
 
