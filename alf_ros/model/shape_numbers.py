@@ -23,7 +23,7 @@ Change = Callable[[Mechanism, Mapping[str, float]], Mechanism]
 
 
 def touched(model: Model) -> list[set[Item]]:
-    """The items on which each row depends."""
+    """The items on which each row of the model depends: it may lack rows that bind velocities."""
     layout, mechanism = model.layout, model.mechanism
     fixed = {item.name for item in mechanism.blocks if item.fixed}
     parts: dict[str, set[Item]] = {GROUND: set()}
@@ -35,9 +35,10 @@ def touched(model: Model) -> list[set[Item]]:
         for each in rigidity(body, layout):
             found[each.name] |= parts[body.name]
     for joint in mechanism.joints:
+        own = {('joint', joint.name)} | parts[joint.parent] | parts[joint.child]
         for row in joint_rows(joint, layout):
-            found[row.name] |= {('joint', joint.name)}
-            found[row.name] |= parts[joint.parent] | parts[joint.child]
+            if row.name in found:
+                found[row.name] |= own
     return list(found.values())
 
 

@@ -126,6 +126,34 @@ def test_a_mechanism_in_space_with_rounded_coordinates(digits: int, integrator: 
     assert sim.evaluations <= 1.01 * exact.evaluations
 
 
+def test_rows_that_bind_velocities_stay_as_they_are() -> None:
+    """A nut on a thread beside the mechanism has such a row."""
+    scene = bricard(9)
+    mechanism = scene['mechanism']
+    mechanism['points'] |= {'N': {'at': [3.0, 0.0, 0.0]}}
+    mechanism['bodies'] |= {
+        'nut': {'points': ['N'], 'mass': 1.0, 'inertia': {'about_com': [1.0, 1.0, 1.0]}}
+    }
+    mechanism['joints'] |= {
+        'thread': {
+            'type': 'screw',
+            'between': ['ground', 'nut'],
+            'at': 'N',
+            'axis': [0, 0, 1],
+            'pitch': 0.5,
+        }
+    }
+    sim = Simulation(load_scene(scene), step=1e-2)
+    alone = Simulation(load_scene(bricard(9)), step=1e-2)
+    assert sim.adjustment is not None and alone.adjustment is not None
+    assert sim.adjustment.changes.get('thread', 0.0) < 1e-30
+    assert sim.adjustment.gap == pytest.approx(alone.adjustment.gap, rel=0.5)
+    sim.step(100)
+    lead = 0.5 / (2.0 * math.pi)  # m/rad; s'' = g_z / (1 + J / (m lead^2))
+    fall = 0.5 * scene['effects']['gravity']['acceleration'][2] / (1.0 + 1.0 / lead**2)
+    assert sim.sample().points['N'][2] == pytest.approx(fall, abs=1e-9)
+
+
 def test_the_adjustment_is_stated_and_repeats() -> None:
     one, two = (Simulation(load_scene(wheels(1e-10))) for _ in range(2))
     text = str(one.adjustment)
