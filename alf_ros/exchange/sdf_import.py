@@ -6,7 +6,7 @@ Specification: sdformat.org, versions 1.4 to 1.12; what a file does not say has 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -91,8 +91,8 @@ class _Reader:
         """Models, frames and joints of a world, or of a file with models; one alone has no scope
         of its own, so its names stay short."""
         sdf_elements.leave_unknown(self.robot, element, element.get('name') or 'the file')
-        self._merge(element, WORLD)
-        for each in self._models(element):
+        self._include(element, WORLD)
+        for each in element.findall('model'):
             self._model(each, '', '' if alone else f'{self._name(each)}::', WORLD)
         for each in element:
             if each.tag == 'link':
@@ -112,32 +112,24 @@ class _Reader:
             elif each.tag in ('actor', 'road', 'population', 'wind'):
                 self.robot.leave('elements', f'{each.tag} {each.get("name", "")}'.strip())
 
-    def _models(self, element: ElementTree.Element) -> Iterator[ElementTree.Element]:
-        """The models in an element and in the files that it includes."""
-        for each in element:
-            if each.tag == 'model':
-                yield each
-            elif each.tag == 'include':
-                found = self._included(each)
-                if found is not None:
-                    yield found
-
-    def _merge(self, element: ElementTree.Element, around: str, depth: int = 0) -> None:
-        """Put the content of models that are to be merged in the place of their <include>."""
+    def _include(self, element: ElementTree.Element, around: str, depth: int = 0) -> None:
+        """Put models of other files in the place of their <include>; of those that are to be
+        merged, their content."""
         for each in element.findall('include'):
-            if not is_true(each.get('merge'), self.error, 'include', each):
-                continue
+            merged = is_true(each.get('merge'), self.error, 'include', each)
             model = self._included(each)
             place = list(element).index(each)
             element.remove(each)
             if model is None:
                 continue
+            if not merged:
+                element.insert(place, model)
+                continue
             if depth > _DEEPEST:
                 raise self.error('include', 'a model that includes itself', each)
             sdf_elements.leave_unknown(self.robot, model, model.get('name', ''))
-            self._merge(model, MODEL, depth + 1)
-            canonical = model.get('canonical_link') or _first_link(model)
-            parts = sdf_merge.content(model, canonical, around, self.error)
+            self._include(model, MODEL, depth + 1)
+            parts = sdf_merge.content(model, _canonical(model), around, self.error)
             for n, part in enumerate(parts):
                 element.insert(place + n, part)
 
@@ -178,11 +170,11 @@ class _Reader:
             raise self.error('include', 'a model that includes itself', element)
         name = scope.rstrip(':') or element.get('name', '')
         sdf_elements.leave_unknown(self.robot, element, name)
-        self._merge(element, MODEL)
+        self._include(element, MODEL)
         pose = element.find('pose')
         to = '' if pose is None else pose.get('relative_to', '')
         placed = element.get('placement_frame') or element.findtext('placement_frame') or ''
-        canonical = element.get('canonical_link') or _first_link(element)
+        canonical = _canonical(element)
         still |= says(element, 'static', self.error, name)
         blown |= says(element, 'enable_wind', self.error, name)
         self.frames.add(
@@ -195,7 +187,7 @@ class _Reader:
         )
         for link in element.findall('link'):
             self._link(link, scope, still, blown)
-        for each in self._models(element):
+        for each in element.findall('model'):
             own = f'{scope}{self._name(each)}::'
             self._model(each, scope, own, scope + MODEL, still, blown)
         for each in element:
@@ -392,12 +384,14 @@ class _Reader:
         return parent, child
 
 
-def _first_link(element: ElementTree.Element) -> str:
-    """The name of the link that a model is fixed to unless it says another; '' if it has none."""
+def _canonical(element: ElementTree.Element) -> str:
+    """The frame to which the frame of a model is fixed: the link that it names, its first link, or
+    the frame of its first model; '' for a model without links and models."""
+    named = element.get('canonical_link')
+    if named:
+        return named
     for link in element.findall('link'):
         return link.get('name', '')
     for model in element.findall('model'):
-        name = _first_link(model)
-        if name:
-            return f'{model.get("name")}::{name}'
+        return f'{model.get("name", "")}::{MODEL}'
     return ''

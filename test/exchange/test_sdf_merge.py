@@ -140,3 +140,46 @@ def test_a_frame_of_a_model_that_was_not_found(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=expected):
         imported(saved(tmp_path, 'it.sdf', source))
+
+
+PART = f"""<sdf version="1.9"><model name="part"{{canonical}}><pose>0 0 0.5 0 0 0</pose>
+<link name="a">{INERTIAL}</inertial></link>
+<link name="b"><pose>1 0 0 0 0 0</pose>{INERTIAL}</inertial></link></model></sdf>"""
+PAIR = f"""<sdf version="1.9"><model name="pair"><include{{merge}}>
+<uri>model://{{of}}</uri></include>
+<model name="load"><pose>2 0 0 0 0 0</pose><link name="c">{INERTIAL}</inertial></link></model>
+<frame name="here"/>
+<joint name="weld" type="fixed"><parent>here</parent><child>load::c</child></joint>
+</model></sdf>"""
+AROUND = """<sdf version="1.9"><model name="around"><pose>0 0 3 0 0 0</pose>
+<include><uri>model://part</uri></include></model></sdf>"""
+
+
+@pytest.mark.parametrize('named', ['', 'b'])
+@pytest.mark.parametrize(
+    ('of', 'merge', 'scope'),
+    [
+        ('part', '', 'part__'),
+        ('part', ' merge="true"', ''),
+        ('around', '', 'around__part__'),
+        ('around', ' merge="true"', 'part__'),
+    ],
+)
+def test_the_frame_of_a_model_hangs_from_the_first_model_in_it(
+    of: str, merge: str, scope: str, named: str, tmp_path: Path
+) -> None:
+    """If it has no link of its own, also from a model of another file: a load would be fixed to
+    the world. A merged model gives its links, not their order."""
+    canonical = f' canonical_link="{named}"' if named else ''
+    held = 'b' if named and scope else 'a'
+    for name, text in (('part', PART), ('around', AROUND)):
+        (tmp_path / name).mkdir()
+        saved(tmp_path / name, 'model.sdf', text.format(canonical=canonical))
+    text = imported(saved(tmp_path, 'pair.sdf', PAIR.format(of=of, merge=merge)), scene=True)
+    bodies = {each.name: each for each in simulate(text).scene.mechanism.bodies}
+    both = f'{scope}{held}'
+    free = f'{scope}{"ab".replace(held, "")}'
+    assert {name: each.mass for name, each in bodies.items()} == {both: 4.0, free: 2.0}
+    places = {name: simulate(text).sample().points[f'{name}_at'] for name in bodies}
+    height = 3.5 if of == 'around' else 0.5
+    assert places[free] == pytest.approx([0.0 if held == 'b' else 1.0, 0.0, height])
