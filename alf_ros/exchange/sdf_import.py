@@ -51,7 +51,7 @@ class _Reader:
 
     def __init__(self, path: Path, arguments: Mapping[str, str] | None) -> None:
         self.path = path
-        self._unsaid: list[str] = []  # files without a version, or with another than known ones
+        self._told: list[tuple[str, str]] = []  # kind and name, about the versions of files
         root = self._root(path, arguments)
         world = root.find('world')
         top = root if world is None else world
@@ -76,13 +76,13 @@ class _Reader:
         self.only = f'{only}::' if world is not None and only else ''
         self._scope(top, world is None and len(models) == 1)
         self._connect()
-        for name in self._unsaid:
-            self.robot.leave('version of SDF', name)
+        for kind, name in self._told:
+            self.robot.leave(kind, name)
 
     def _root(self, path: Path, arguments: Mapping[str, str] | None = None) -> ElementTree.Element:
         """The root of a file, as the newest version has it. Raises InputError."""
-        root, unsaid = sdf_versions.root_of(path, arguments)
-        self._unsaid += [unsaid] if unsaid else []
+        root, told = sdf_versions.root_of(path, arguments)
+        self._told += told
         return root
 
     # ------------------------------------------------------------------------- links and frames

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from alf_ros import InputError
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved, simulate
@@ -175,3 +176,24 @@ def test_a_joint_that_mimics_a_fixed_one_stays(
     else:
         ratio = moved / found['pin'].position
         assert (ratio == pytest.approx(2.0, rel=1e-9)) == (held is not None)
+
+
+@pytest.mark.parametrize('name', ['a', 'world'])
+def test_a_joint_of_an_old_version_has_the_name_of_a_link(name: str, tmp_path: Path) -> None:
+    """Joints had no frames until 1.6: libsdformat gives such a joint another name."""
+    links = (ARM.format('', '0 0 0 0 0 0').replace('"arm"', f'"{each}"') for each in 'ab')
+    pins = (
+        PIN.format('world').replace('"pin"', f'"{own}"').replace('>arm<', f'>{link}<')
+        for own, link in ((name, 'a'), (f'{name}_joint', 'b'))
+    )
+    model = ''.join([*links, *pins])
+    text = imported(saved(tmp_path, 'it.sdf', WORLD.format('1.6', '', model)), scene=True)
+    assert f'#   names, changed: joint {name} is {name}_joint_2\n' in text
+    joints = {each.name: each.child for each in simulate(text).scene.mechanism.joints}
+    assert joints == {f'{name}_joint_2': 'a', f'{name}_joint': 'b'}
+
+
+def test_a_joint_of_a_later_version_has_its_own_name(tmp_path: Path) -> None:
+    model = ARM.format('', '0 0 0 0 0 0') + PIN.format('world').replace('"pin"', '"arm"')
+    with pytest.raises(InputError, match='it.sdf:2: m::arm: a name of two frames'):
+        imported(saved(tmp_path, 'it.sdf', WORLD.format('1.7', '', model)), scene=True)
