@@ -8,7 +8,7 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from alf_ros.exchange.robot import GROUND, Actuator, FramePose, Robot, Tendon
+from alf_ros.exchange.robot import GROUND, Actuator, Connection, FramePose, Robot, Tendon
 from alf_ros.scene.text.repetition import NAME
 
 _LOSSES = 10.0  # s/m: no impact leaves the ground faster than 0.1 m/s
@@ -151,6 +151,7 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
     if any(robot.gravity):
         effects['gravity'] = {'acceleration': list(robot.gravity)}
     for c in robot.connections:
+        _check(robot, c)
         joint = {'joint': joints[c.name]}
         if c.damping or c.friction:
             rubs = {'viscous': c.damping} if c.damping else {}
@@ -174,6 +175,13 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
             _leave_beyond(robot, c.name, c.drawn, c.limits)
     motors = _motors(robot, joints)
     return effects | ({'motor': motors} if motors else {})
+
+
+def _check(robot: Robot, c: Connection) -> None:
+    """Refuse losses and springs that give energy. Raises InputError."""
+    for key, x in (('damping', c.damping), ('friction', c.friction), ('stiffness', c.stiffness)):
+        if x < 0.0:
+            raise robot.error(c.name, f'negative {key}', robot.places.get(c.name), value=x)
 
 
 def _leave_beyond(robot: Robot, name: str, drawn: float, limits: tuple[float, float]) -> None:

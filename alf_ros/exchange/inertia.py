@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
 from alf_ros.exchange.robot import Robot
 
 _T = np.ones((3, 3)) - np.eye(3)
@@ -51,10 +50,15 @@ def may_lack(robot: Robot) -> bool:
 
 
 def checked(robot: Robot, repair: bool) -> None:
-    """Repair the impossible inertias of a robot, or refuse them. Raises InputError.
+    """Repair the impossible inertias of a robot, or refuse them, and negative masses. Raises
+    InputError.
 
     Rounding from the sum over the links of a part is set to zero.
     """
+    for part in robot.parts:
+        if part.mass < 0.0:
+            own = next((link for link in part.links if link.mass < 0.0), part)
+            raise robot.error(own.name, 'negative mass', own.at, value=own.mass)
     size = max([0.0, *(float(np.abs(part.com).max()) for part in robot.parts)])
     for n, part in enumerate(robot.parts):
         if 0.0 < np.abs(part.inertia).max() <= _ROUNDED * part.mass * size**2:
@@ -66,13 +70,15 @@ def checked(robot: Robot, repair: bool) -> None:
         return
     changes = {n: nearest(robot.parts[n].inertia) for n in wrong}
     if not repair:
-        first, most = robot.parts[wrong[0]], max(change for _, change in changes.values())
+        part, most = robot.parts[wrong[0]], max(change for _, change in changes.values())
+        # a sum of possible inertias is possible
+        first = next((link for link in part.links if not is_possible(link.inertia)), part)
         others = f' (and {len(wrong) - 1} more)' if len(wrong) > 1 else ''
-        raise InputError(
+        raise robot.error(
+            first.name,
             f'no body has such an inertia: each principal moment is at most the sum of the '
             f'others{others}',
-            file=robot.file,
-            key=first.name,
+            first.at,
             value=[float(f'{moment:.6g}') for moment in np.linalg.eigvalsh(first.inertia)],
             expected=f'--repair-inertia, which changes them by {100.0 * most:.2g} % at most',
         )

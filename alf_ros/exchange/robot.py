@@ -55,13 +55,18 @@ STILL = FramePose(np.zeros(3), np.eye(3))
 
 @dataclass(frozen=True)
 class RobotPart:
-    """A rigid body: origin of its frame (m), mass (kg), com (m), inertia (3, 3) there, kg m^2."""
+    """A rigid body: origin of its frame (m), mass (kg), com (m), inertia (3, 3) there, kg m^2.
+
+    at: the element of XML that has its mass. links: of several that are fixed together.
+    """
 
     name: str
     origin: Floats
     mass: float
     com: Floats
     inertia: Floats
+    at: ElementTree.Element | None = None
+    links: tuple[RobotPart, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -202,7 +207,8 @@ class Robot:
     still: what to do if nothing can move. shapes: with their poses in the world, each after the
     part, or the ground, that it shows. planes: fixed ones, each with its coefficient of friction
     if the file has one. touches: what of the robot touches planes. velocities: of the parts that
-    move at the start. lifts: forces (3,) N in the world at the centres of mass of parts.
+    move at the start. lifts: forces (3,) N in the world at the centres of mass of parts. places:
+    by connection the element of XML that has it.
     """
 
     name: str
@@ -220,6 +226,7 @@ class Robot:
     touches: list[GroundTouch] = field(default_factory=list)
     velocities: dict[str, BodyVelocity] = field(default_factory=dict)
     lifts: dict[str, Floats] = field(default_factory=dict)
+    places: dict[str, ElementTree.Element | None] = field(default_factory=dict)
     left_out: LeftOut = field(default_factory=LeftOut)
 
     def leave(self, kind: str, name: str) -> None:
@@ -262,6 +269,7 @@ class Robot:
             self.leave('names, changed', f'loop {name} is {own}')
             connection = replace(connection, name=own)
         self.connections.append(connection)
+        self.places[connection.name] = at
 
     def add_links(
         self, links: Mapping[str, RobotPart], root_of: Mapping[str, str]
@@ -325,4 +333,5 @@ def lumped(name: str, origin: Floats, parts: Iterable[RobotPart]) -> RobotPart:
     for part in parts:
         r = part.com - com
         inertia += part.inertia + part.mass * ((r @ r) * np.eye(3) - np.outer(r, r))
-    return RobotPart(name, origin, mass, com if mass else origin, inertia)
+    com = com if mass else origin
+    return RobotPart(name, origin, mass, com, inertia, links=tuple(parts))

@@ -7,6 +7,7 @@ Specification: sdformat.org, versions 1.4 to 1.12; what a file does not say has 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -304,7 +305,7 @@ class _Reader:
         )
         J = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
         turned = origin.turn @ J @ origin.turn.T
-        return RobotPart(name, np.zeros(3), mass, origin.origin, turned)
+        return RobotPart(name, np.zeros(3), mass, origin.origin, turned, inertial)
 
     @property
     def error(self) -> Any:
@@ -371,7 +372,7 @@ class _Reader:
     def _placed(self, name: str, part: RobotPart) -> RobotPart:
         pose = self.frames.pose(name)
         J = pose.turn @ part.inertia @ pose.turn.T
-        return RobotPart(part.name, pose.origin, part.mass, pose.place(part.com), J)
+        return replace(part, origin=pose.origin, com=pose.place(part.com), inertia=J)
 
     def _sides(self, scope: str, element: ElementTree.Element) -> tuple[str, str]:
         parent, child = (

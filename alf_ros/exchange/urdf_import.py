@@ -291,7 +291,9 @@ class UrdfReader:
         else:
             J = np.array(inertial.inertia.to_matrix(), dtype=float)
         turned = frame.turn @ J @ frame.turn.T
-        return RobotPart(name, pose.origin, float(inertial.mass or 0.0), frame.origin, turned)
+        mass, given = float(inertial.mass or 0.0), self._at('link', name)
+        at = None if given is None else given.find('inertial')
+        return RobotPart(name, pose.origin, mass, frame.origin, turned, at)
 
     def _connect(self, joint: Any) -> None:
         dynamics = joint.dynamics
@@ -318,7 +320,8 @@ class UrdfReader:
                 (joint.limit.lower or 0.0, joint.limit.upper or 0.0) if turns else None,
                 float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
                 friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
-            )
+            ),
+            at=self._at('joint', joint.name),
         )
 
     def _connect_ball(self, name: str, row: tuple[str, ...]) -> None:

@@ -364,3 +364,49 @@ def test_a_position_can_be_computed_with(x: str, tmp_path: Path) -> None:
     </worldbody><keyframe><key name="k" qpos="{x}"/></keyframe></mujoco>"""
     with pytest.raises(InputError, match='it.xml: qpos: not usable numbers'):
         imported(saved(tmp_path, 'it.xml', source), key='k')
+
+
+TWO_LINKS = """<robot name="r"><link name="base"/>
+<link name="a">
+ <inertial><mass value="3"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link>
+<link name="b">
+ <inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="2" ixy="0" ixz="0" iyz="0"/></inertial>
+</link>
+<joint name="p" type="continuous"><parent link="base"/><child link="a"/>
+ <dynamics damping="1" friction="2"/></joint>
+<joint name="q" type="fixed"><parent link="a"/><child link="b"/></joint></robot>"""
+THE_SAME = """<sdf version="1.9"><model name="r">
+<link name="a"><inertial><mass>3</mass></inertial></link>
+<link name="b">
+ <inertial><mass>2</mass><inertia><izz>2</izz></inertia></inertial>
+</link>
+<joint name="p" type="revolute"><parent>world</parent><child>a</child><axis><dynamics>
+ <damping>1</damping><friction>2</friction><spring_stiffness>3</spring_stiffness>
+</dynamics></axis></joint>
+<joint name="q" type="fixed"><parent>a</parent><child>b</child></joint></model></sdf>"""
+
+
+@pytest.mark.parametrize(
+    ('name', 'source', 'old', 'new', 'line', 'message'),
+    [
+        ('it.urdf', TWO_LINKS, '"2"/><inertia', '"-5"/><inertia', 6, 'b: negative mass, got -5'),
+        ('it.urdf', TWO_LINKS, 'izz="2"', 'izz="9"', 6, 'b: no body has such an inertia: each'),
+        ('it.urdf', TWO_LINKS, 'damping="', 'damping="-', 8, 'p: negative damping, got -1.0'),
+        ('it.urdf', TWO_LINKS, 'friction="', 'friction="-', 8, 'p: negative friction, got -2.0'),
+        ('it.sdf', THE_SAME, '<mass>2', '<mass>-5', 4, 'b: negative mass, got -5.0'),
+        ('it.sdf', THE_SAME, '<izz>2', '<izz>9', 4, 'b: no body has such an inertia: each'),
+        ('it.sdf', THE_SAME, '<damping>', '<damping>-', 6, 'p: negative damping, got -1.0'),
+        ('it.sdf', THE_SAME, '<friction>', '<friction>-', 6, 'p: negative friction, got -2.0'),
+        ('it.sdf', THE_SAME, 'ness>3', 'ness>-3', 6, 'p: negative stiffness, got -3.0'),
+    ],
+)  # fmt: skip
+def test_an_impossible_number_has_its_line(
+    name: str, source: str, old: str, new: str, line: int, message: str, tmp_path: Path
+) -> None:
+    """Also of a link that is fixed to a heavier one, which has the name of both."""
+    imported(path := saved(tmp_path, name, source), scene=True)
+    saved(tmp_path, name, source.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        imported(path, scene=True)
+    assert str(caught.value).startswith(f'{path}:{line}: {message}')
