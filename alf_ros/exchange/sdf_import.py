@@ -79,6 +79,8 @@ class _Reader:
         self._connect()
         for kind, name in self._told:
             self.robot.leave(kind, name)
+        if omitted := self.robot.left_out.names.get('includes'):
+            self.robot.still += f', or in a model that was not found: {", ".join(omitted)}'
 
     def _root(self, path: Path, arguments: Mapping[str, str] | None = None) -> ElementTree.Element:
         """The root of a file, as the newest version has it. Raises InputError."""

@@ -69,7 +69,7 @@ def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
     said = f'{error or type(error).__name__}'
     if isinstance(error, ImportError) or any(each in said for each in _NOT_FOUND):
         found = [name for text in _texts(path, xacro) for name in _PACKAGE.findall(text)]
-        missing = ', '.join(dict.fromkeys(found))
+        missing = ', '.join(name for name in dict.fromkeys(found) if not _is_found(name))
         return InputError(
             'xacro cannot expand it: $(find ...) finds no package',
             file=str(path),
@@ -77,3 +77,13 @@ def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
             expected='a sourced ROS 2 that has the package, or `xacro FILE > OUT.urdf` there',
         )
     return InputError(f'xacro cannot expand it: {said}', file=str(path))
+
+
+def _is_found(package: str) -> bool:
+    try:
+        from ament_index_python.packages import get_package_share_directory
+
+        get_package_share_directory(package)
+    except (ImportError, LookupError, OSError, ValueError):
+        return False
+    return True

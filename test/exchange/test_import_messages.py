@@ -91,6 +91,25 @@ def test_a_package_that_is_not_found_is_one_line(prefix: str, tmp_path: Path, mo
     assert 'Error' not in message and '\n' not in message and caught.value.exit_code == 2
 
 
+def test_packages_that_are_found_are_not_named(tmp_path: Path, monkeypatch) -> None:
+    pytest.importorskip('xacro')
+    pytest.importorskip('ament_index_python')
+    packages = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
+    packages.mkdir(parents=True)
+    for name in ('there', 'also_there'):
+        (packages / name).touch()
+        (tmp_path / 'share' / name).mkdir()
+    (tmp_path / 'share' / 'there' / 'a.xacro').write_text('<robot/>')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    inside = ''.join(
+        f'<xacro:include filename="$(find {name})/a.xacro"/>'
+        for name in ('there', 'no_such_robot', 'also_there', 'no_such_hand')
+    )
+    path = saved(tmp_path, 'it.urdf.xacro', XACRO.format(inside, '1'))
+    with pytest.raises(InputError, match="finds no package, got 'no_such_robot, no_such_hand'"):
+        imported(path)
+
+
 def test_a_number_of_a_link_has_its_line(tmp_path: Path) -> None:
     """Not of a xacro, whose text is another one after its expansion."""
     source = robots.double_pendulum().replace('<mass value="1.0"/>\n', '<mass value="1.0"/>')

@@ -183,3 +183,11 @@ def test_the_frame_of_a_model_hangs_from_the_first_model_in_it(
     places = {name: simulate(text).sample().points[f'{name}_at'] for name in bodies}
     height = 3.5 if of == 'around' else 0.5
     assert places[free] == pytest.approx([0.0 if held == 'b' else 1.0, 0.0, height])
+
+
+def test_a_world_of_models_that_were_not_found(tmp_path: Path) -> None:
+    """The error names them: what stands still may only be the rest of it."""
+    source = '<sdf version="1.9"><include><uri>model://arm</uri></include></sdf>'
+    expected = 'no part of it can move: .*, or in a model that was not found: model://arm$'
+    with pytest.raises(InputError, match=expected):
+        imported(saved(tmp_path, 'it.sdf', source))
