@@ -20,7 +20,8 @@ from alf_ros.errors import InputError
 from alf_ros.exchange import xacro_file
 from alf_ros.scene.text.yaml_document import LARGEST_FILE
 
-XACRO = 'http://www.ros.org/wiki/xacro'
+# of a xacro: a declaration, whatever it says, and an element with the prefix; xacro goes by both
+_XACRO = (re.compile(rb'\sxmlns:xacro\s*='), re.compile(rb'<xacro:[A-Za-z_]'))
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
 _DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
@@ -49,8 +50,9 @@ def root_of(path: Path, arguments: Mapping[str, str] | None = None) -> ElementTr
 
     Raises InputError.
     """
-    root = _parsed(paths.content(path, LARGEST_FILE), path)
-    if _is_xacro(root, path):
+    text = paths.content(path, LARGEST_FILE)
+    root = _parsed(text, path)
+    if _is_xacro(text, path):
         return _parsed(xacro_file.expanded(path, arguments or {}), path, expanded=True)
     if arguments:
         raise InputError('for xacro only', key='--argument', value=next(iter(arguments)))
@@ -118,5 +120,6 @@ def place_of(element: ElementTree.Element | None, file: str) -> dict[str, Any]:
     return {'file': element.file, 'line': element.line}
 
 
-def _is_xacro(root: ElementTree.Element, path: Path) -> bool:
-    return path.suffix == '.xacro' or root.find(f'.//{{{XACRO}}}*') is not None
+def _is_xacro(text: bytes, path: Path) -> bool:
+    bare = _COMMENT.sub(b'', text)
+    return path.suffix == '.xacro' or all(each.search(bare) for each in _XACRO)

@@ -91,6 +91,16 @@ def test_a_package_that_is_not_found_is_one_line(prefix: str, tmp_path: Path, mo
     assert 'Error' not in message and '\n' not in message and caught.value.exit_code == 2
 
 
+@pytest.mark.parametrize('site', ['www.ros.org/wiki', 'ros.org/wiki', 'wiki.ros.org'])
+def test_a_xacro_is_known_by_its_prefix(site: str, tmp_path: Path) -> None:
+    """Whatever address is declared, and whatever the name of the file ends in."""
+    pytest.importorskip('xacro')
+    inside = '<xacro:property name="m" value="2.5"/>'
+    source = XACRO.format(inside, '${m}').replace('www.ros.org/wiki', site)
+    assert site in source
+    assert 'mass: 2.5' in imported(saved(tmp_path, 'it.urdf', source))
+
+
 def test_packages_that_are_found_are_not_named(tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip('xacro')
     pytest.importorskip('ament_index_python')
