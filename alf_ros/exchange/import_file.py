@@ -94,6 +94,9 @@ def imported(source: str, **wishes: Any) -> str:
             message = f'no part of it can move: joints {", ".join(light)} move no mass'
             raise InputError(message, file=source, expected='mass and inertia of their links')
         raise InputError(f'no part of it can move{robot.still}', file=source)
+    if not any(part.mass or part.inertia.any() for part in robot.parts):
+        message = 'no part that can move has mass'
+        raise InputError(message, file=source, expected='mass and inertia of its links')
     inertia.checked(robot, asked.repair_inertia)
     scene = asked.is_scene
     text, loaded = _written(robot, asked)

@@ -178,3 +178,17 @@ def test_rows_for_balls_are_not_listed_as_links_without_mass(tmp_path: Path) -> 
     text = imported(path)
     assert told(text, 'rows of joints that are balls') and not told(text, 'mass: there is none')
     assert np.isfinite(swing(imported(path, scene=True)))
+
+
+@pytest.mark.parametrize(
+    ('floating', 'message'), [(True, 'no part that can move has mass'), (False, 'no part of it')]
+)
+def test_a_robot_without_any_mass_is_refused(floating: bool, message: str, tmp_path: Path) -> None:
+    """Of two hinges in a row its bodies at both ends go first."""
+    source = '<robot name="r"><link name="base"/><link name="arm"/><link name="hand"/>'
+    for name, parent, child in (('pin', 'base', 'arm'), ('wrist', 'arm', 'hand')):
+        source += robots.hinge(name, parent, child, 0.1, 0.0)
+    source += '</robot>'
+    path = saved(tmp_path, 'it.urdf', source)
+    with pytest.raises(InputError, match=f'{message}.*; expected mass and inertia of'):
+        imported(path, floating=floating)
