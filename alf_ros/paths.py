@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
 from collections.abc import Mapping
@@ -44,13 +45,27 @@ def head(path: Path, most: int) -> bytes:
         raise InputError(f'cannot be read: {why}', file=str(path)) from None
 
 
+def put(path: Path, text: str) -> None:
+    """Write a file beside its place and rename it: `path` holds the whole text, or what it held
+    before. Raises OSError."""
+    place = Path(os.path.realpath(path))  # a link stays one
+    beside = place.with_name(f'.{place.name}.{os.getpid()}.tmp')
+    try:
+        beside.write_text(text, 'utf-8')
+        os.replace(beside, place)
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+
+
 def written(folder: str | Path, texts: Mapping[str, str]) -> Path:
-    """Write files of these names into a folder, which is made; returns it. Raises InputError for
-    a text that is no path, OSError if it cannot be written."""
+    """Write files of these names, in this order and each of them whole, into a folder, which is
+    made; returns it. Raises InputError for a text that is no path, OSError if it cannot be
+    written."""
     target = named(folder, 'folder')
     target.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        (target / name).write_text(text, 'utf-8')
+        put(target / name, text)
     return target
 
 

@@ -76,7 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     lines.tell()
     report = report_file.beside(folder)  # of the file that is there now
     with EnsembleStore(folder, study) as store, writing('--store', report):
-        report.write_text(page(lines.last, store.finished(), report_file.mark_of(folder)), 'utf-8')
+        # Whole or not at all: a part without its mark would be left as the file of somebody else.
+        paths.put(report, page(lines.last, store.finished(), report_file.mark_of(folder)))
     print(f'{folder} and {report.name}: {study.members} members, {lines.last.failed} failed')
     said = trouble_of(study, 0)
     if said:

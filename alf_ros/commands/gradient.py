@@ -44,10 +44,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except StepError as error:
         print(f'a step fails: {error}')
         return 1
-    if options.json:
-        told = {'of': found.of, 'value': found.value, 'unit': found.unit, 't': found.t}
-        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
-            json.dump({**told, 'by': dict(found.by)}, stream, indent=1)
     where = '' if found.t is None else f' at t = {found.t:.9g} s'
     print(f'{found.of} = {found.value:.9g} {found.unit}{where}')
     scene, width = log.scene(options.trust), max(map(len, options.by))
@@ -57,4 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f'{name:{width}}  {value:14.6g}  {slope:16.9g}  {0.01 * value * slope:14.3g}')
     if found.trouble:
         print(f'the run is not resolved: {found.trouble}')
+    if options.json:  # last: what cannot be written must not take the numbers along
+        told = {'of': found.of, 'value': found.value, 'unit': found.unit, 't': found.t}
+        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
+            json.dump({**told, 'by': dict(found.by)}, stream, indent=1)
     return 0

@@ -149,7 +149,10 @@ def _log(found: object, folder: object) -> str:
         from alf_ros.ros.recording.fitted_log import log_fitted
     except ImportError as error:
         return f' (no log of the fitted run: {error})'
-    log, reason = log_fitted(found, folder)  # type: ignore[arg-type]
+    try:
+        log, reason = log_fitted(found, folder)  # type: ignore[arg-type]
+    except OSError as error:
+        raise InputError(str(error), key='--output') from None
     return f', {log.name}' + (f' (the run ends early: {reason})' if reason else '')
 
 

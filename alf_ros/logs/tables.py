@@ -9,6 +9,7 @@ import csv
 import json
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,24 +45,20 @@ def to_csv(log: Log, folder: Path, report: progress.Report = progress.silent) ->
     Raises InputError if the folder cannot be written.
     """
     writers: dict[str, Any] = {}
-    streams = []
     paths = [_inputs(log, folder)]
     try:
-        for series, path in _numeric(log, folder, '.csv', report):
-            columns = table(log, series)
-            if series.topic not in writers:
-                stream = open(path, 'w', newline='', encoding='utf-8')
-                streams.append(stream)
-                writers[series.topic] = csv.writer(stream)
-                writers[series.topic].writerow(columns)
-                paths.append(path)
-            lists = (column.tolist() for column in columns.values())
-            writers[series.topic].writerows(zip(*lists, strict=True))
+        with ExitStack() as files:  # closed within: the rest of a file is written then
+            for series, path in _numeric(log, folder, '.csv', report):
+                columns = table(log, series)
+                if series.topic not in writers:
+                    stream = files.enter_context(open(path, 'w', newline='', encoding='utf-8'))
+                    writers[series.topic] = csv.writer(stream)
+                    writers[series.topic].writerow(columns)
+                    paths.append(path)
+                lists = (column.tolist() for column in columns.values())
+                writers[series.topic].writerows(zip(*lists, strict=True))
     except OSError as error:
         raise InputError(f'cannot be written: {error.strerror}', file=str(folder)) from None
-    finally:
-        for stream in streams:
-            stream.close()
     return paths
 
 
@@ -78,18 +75,17 @@ def to_parquet(log: Log, folder: Path, report: progress.Report = progress.silent
     writers: dict[str, Any] = {}
     paths = [_inputs(log, folder)]
     try:
-        for series, path in _numeric(log, folder, '.parquet', report):
-            columns = {key: np.ascontiguousarray(c) for key, c in table(log, series).items()}
-            made = pyarrow.table(columns)
-            if series.topic not in writers:
-                writers[series.topic] = pyarrow.parquet.ParquetWriter(path, made.schema)
-                paths.append(path)
-            writers[series.topic].write_table(made)
+        with ExitStack() as files:  # closed within: the end of a file is written then
+            for series, path in _numeric(log, folder, '.parquet', report):
+                columns = {key: np.ascontiguousarray(c) for key, c in table(log, series).items()}
+                made = pyarrow.table(columns)
+                if series.topic not in writers:
+                    writer = pyarrow.parquet.ParquetWriter(path, made.schema)
+                    writers[series.topic] = files.enter_context(writer)
+                    paths.append(path)
+                writers[series.topic].write_table(made)
     except OSError as error:
         raise InputError(f'cannot be written: {error}', file=str(folder)) from None
-    finally:
-        for writer in writers.values():
-            writer.close()
     return paths
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from alf_ros.__main__ import main
+from alf_ros.ros.recording.run_writer import LogRun
 from support.foreign_bags import joints, written
 from support.reader import START_LIMIT, environment
 from support.recordings import Machine, scene
@@ -77,6 +78,22 @@ def test_what_cannot_be_written_is_told_before_the_fit(
     told = capsys.readouterr().err
     assert told.count('\n') == 1 and '--output: ' in told and expected in told
     assert (folder / 'machine.yaml').read_bytes() == before
+
+
+def test_a_log_that_finds_the_disk_full_is_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scene and the report are there."""
+
+    def full(run: LogRun) -> None:
+        raise OSError('it_0.mcap: No space left on device')
+
+    monkeypatch.setattr(LogRun, 'close', full)
+    given = ['identify', str(folder / 'machine.yaml'), str(folder / 'bag'), *FIT]
+    assert main([*given, '--output', str(folder / 'full')]) == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert told == 'alf_ros identify: --output: it_0.mcap: No space left on device'
+    assert {'machine.yaml', 'report.html'} <= {path.name for path in (folder / 'full').iterdir()}
 
 
 def test_ctrl_c_leaves_nothing(folder: Path) -> None:

@@ -11,6 +11,7 @@ from alf_ros import InputError, load_scene
 from alf_ros.__main__ import main
 from alf_ros.studies.optimisation.optimisation_reading import read_study
 from support.design_scenes import sprung_block
+from support.full_disk import small_files
 
 STUDY = """scene: block.yaml
 vary: {main.stiffness: [10, 100]}
@@ -69,6 +70,18 @@ def test_it_writes_a_scene_and_a_report(folder: Path, capsys: pytest.CaptureFixt
     report = (out / 'report.html').read_text('utf-8')
     assert 'main.stiffness' in report and report.count('<svg') == 3 and 'http' not in report
     assert main(given) == 0  # in place of its own files
+
+
+def test_a_disk_that_was_full_leaves_a_folder_for_the_same_command(folder: Path) -> None:
+    """A scene without its report would be taken for the file of somebody else."""
+    given = ['optimise', str(folder / 'study.yaml'), '--workers', '0']
+    given += ['--output', str(folder / 'out')]
+    with small_files(4096):  # more than the scene has, and less than the report
+        assert main(given) == 2
+    assert not list((folder / 'out').iterdir())
+    assert main(given) == 0
+    assert (folder / 'out' / 'block.yaml').stat().st_size < 4096
+    assert (folder / 'out' / 'report.html').stat().st_size > 4096
 
 
 @pytest.mark.parametrize(

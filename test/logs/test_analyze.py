@@ -27,9 +27,11 @@ from alf_ros.logs.report.gather import Label, gather
 from alf_ros.logs.report.html import packed, page
 from alf_ros.logs.report.singularity_distance import distances
 from alf_ros.logs.report.summary import account
+from alf_ros.logs.tables import to_csv, to_parquet
 from alf_ros.ros.recording.fork import fork
 from support.browser import CHROMIUM, Browser
 from support.forked import ended
+from support.full_disk import small_files
 from support.log_files import Retold, make, rewritten
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, SimulatorProcess
@@ -324,6 +326,22 @@ except InputError:
 
 
 # ------------------------------------------------------------------------------------ the command
+
+
+@pytest.mark.parametrize('kind', ['csv', 'parquet'])
+def test_tables_that_find_the_disk_full_are_one_line(planar, tmp_path, kind):
+    """A file that is closed writes the rest, and fails once more."""
+    if kind == 'parquet':
+        pytest.importorskip('pyarrow')
+    log, write = load(planar), {'csv': to_csv, 'parquet': to_parquet}[kind]
+    inputs, *tables = [path.stat().st_size for path in write(log, tmp_path / 'whole')]
+    most = max(tables) - 1  # the end of the largest table has no room
+    assert most > inputs
+    with (
+        small_files(most),
+        pytest.raises(InputError, match=r'full: cannot be written: .*File too large'),
+    ):
+        write(log, tmp_path / 'full')
 
 
 def test_the_command_writes_page_and_tables(planar, tmp_path, capsys):

@@ -109,9 +109,9 @@ def test_a_stale_command_becomes_zero(tmp_path, peer):
         assert entries[-1]['cause'] == 'timeout'
         # only behind a command that nothing has renewed: as the last one, or where this process
         # itself was held up
-        for before, entry in pairwise(entries):
+        for earlier, entry in pairwise(entries):
             if entry['cause'] == 'timeout':
-                assert before['cause'] == 'command' and 2.5 < entry['t'] - before['t'] < 6.0
+                assert earlier['cause'] == 'command' and 2.5 < entry['t'] - earlier['t'] < 6.0
 
 
 def test_a_stale_velocity_beside_a_position_becomes_zero(peer):

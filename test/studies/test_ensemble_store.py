@@ -30,6 +30,7 @@ from support.ensemble_kills import (
     study_in,
     undisturbed,
 )
+from support.full_disk import small_files
 
 MANIFEST = '.alf_ros/manifest.json'
 
@@ -205,6 +206,27 @@ def test_a_full_disk_is_one_line_and_what_is_finished_is_kept(whole, tmp_path):
     assert before == seals(store)
     conduct(study, store, ThisProcess())
     assert contents(store) == bytes_
+
+
+@pytest.mark.parametrize('there', [False, True], ids=['first', 'again'])
+def test_a_report_that_finds_the_disk_full_is_whole_or_not_there(short, tmp_path, capsys, there):
+    """The same command continues: no part of a report is taken for the file of somebody else."""
+    report = tmp_path / 'run.html'
+    assert short('--store', 'run.zarr') == 0
+    before = report.read_text('utf-8')
+    if not there:
+        report.unlink()
+    capsys.readouterr()
+    with small_files(len(before) // 2):
+        assert short('--store', 'run.zarr') == 2
+    err = capsys.readouterr().err
+    assert 'File too large' in err and err.count('\n') == 2  # its members, and why it ends
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        ['run.zarr', 'short.yaml', *(['run.html'] if there else [])]
+    )
+    assert not there or report.read_text('utf-8') == before
+    assert short('--store', 'run.zarr') == 0
+    assert report.read_text('utf-8').endswith('</html>\n')
 
 
 def test_a_chunk_on_which_workers_die_ends_the_study_in_one_line(tmp_path):

@@ -16,6 +16,7 @@ from alf_ros.__main__ import main as program
 from alf_ros.commands.gradient import main
 from alf_ros.errors import InputError
 from alf_ros.logs import load
+from alf_ros.ros.recording.fork import fork
 from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
@@ -52,6 +53,9 @@ def test_of_a_log(integrator: str, tmp_path: Path, capsys: pytest.CaptureFixture
         assert f'{told["by"][name]:.9g}' in printed
     assert told['value'] == sample.points['B'][0]
     assert told['t'] == pytest.approx(simulation.t)
+    assert program(['gradient', str(log), *of, '--json', str(tmp_path / 'no' / 'file')]) == 2
+    out, err = capsys.readouterr()
+    assert out == printed and '--json: No such file' in err and err.count('\n') == 1
 
 
 def effort_from_tick(folder: Path, scene: Scene, begin: int, ticks: int = 30) -> Path:
@@ -95,6 +99,21 @@ def test_an_input_that_begins_jumps(begin: int, integrator: str, tmp_path: Path)
             found = gradient(log, f'{fold}(pin.effort)', ['bar.mass'], every=every)
             assert found.value == pytest.approx(value, abs=1e-14), fold
             assert found.unit == unit
+
+
+def test_a_log_of_a_step_and_of_none(tmp_path: Path) -> None:
+    """A fork may be shorter than a tick: (m / 3) v' = 1.5 N m with the first v given."""
+    scene = load_scene({**ARM, 'solver': {'step': 1e-3, 'integrator': 'rk4'}})
+    log = load(effort_from_tick(tmp_path, scene, begin=0, ticks=5))
+    step, at = 1e-3, float(log.states.t[2])
+    assert log.states.t[1] > 1.5 * step
+    short = fork(log, at, {}, tmp_path, 'short', duration=step)
+    found = gradient(short, 'final(pin.velocity)', ['bar.mass'])
+    assert found.value == pytest.approx(4.5 * (at + step), rel=1e-12)
+    assert found.by['bar.mass'] == pytest.approx(-4.5 * step, rel=1e-9)
+    none = fork(log, at, {}, tmp_path, 'none', duration=0.0)
+    with pytest.raises(InputError, match='none: no gradient: it has not one step'):
+        gradient(none, 'final(energy)', ['bar.mass'])
 
 
 @pytest.mark.parametrize(

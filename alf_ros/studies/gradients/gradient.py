@@ -91,7 +91,11 @@ def gradient(
         if shows_states(log):
             check_motion(log, Rerun(log, trust), inputs)
         rerun = Rerun(log, trust)
-        simulation, tick = rerun.simulation, rerun.steps_per_tick
+        simulation = rerun.simulation
+        steps = rerun.step_of(log.survey.last) - simulation.step_index
+        if steps < 1:
+            raise InputError('no gradient: it has not one step', file=str(log.path))
+        tick = min(rerun.steps_per_tick, steps)  # a fork may be shorter than a tick
         stretches = _stretches(log, rerun)
     every = check.whole(tick if every is None else every, 'every', 1)
     return _gradient(simulation, stretches, of, by, every)

@@ -218,7 +218,8 @@ class Identification:
         from alf_ros.studies.identification.identification_page import page
 
         scene = f'{self.scene.name}.yaml'
-        texts = {scene: self.fitted_scene.text, REPORT: page(self, design)}
+        # The report comes first: beside it the other files are those of this study.
+        texts = {REPORT: page(self, design), scene: self.fitted_scene.text}
         if design is not None:
             texts[_DESIGN] = json.dumps(design.as_data(), indent=1, allow_nan=False) + '\n'
         return paths.written(folder, texts)

@@ -121,7 +121,8 @@ class Optimum:
         from alf_ros.studies.optimisation.optimum_page import page
 
         scene = f'{self.scene.name}.yaml'
-        return paths.written(folder, {scene: self.optimised_scene.text, REPORT: page(self)})
+        # The report comes first: beside it the other files are those of this study.
+        return paths.written(folder, {REPORT: page(self), scene: self.optimised_scene.text})
 
 
 def check_folder(folder: Path, scene: Scene, key: str) -> None:
