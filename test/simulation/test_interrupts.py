@@ -134,7 +134,7 @@ CASES = (
     ('slider_crank', {'integrator': 'esdirk43', 'iterations': 1000, 'tolerance': 0.0}, 10**12),
     ('spatial_slider_crank', {'integrator': 'esdirk43', 'step': 1e6}, 1),
 )
-# all code is there before a signal comes: llvmlite does not bear one while it loads some
+# all code is there before a signal comes: what is judged is how soon a step hears it
 for name, options, _ in CASES:
     Simulation(load_scene(name), **{**options, 'step': 0.02}).step(20)
 sims = [(Simulation(load_scene(name), **options), n) for name, options, n in CASES]

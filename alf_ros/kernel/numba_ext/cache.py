@@ -46,6 +46,7 @@ from numba.core.serialize import dumps
 from alf_ros.gc_pause import paused
 from alf_ros.kernel.numba_ext.cache_folder import Folder
 from alf_ros.kernel.numba_ext.cache_sources import Sources
+from alf_ros.kernel.numba_ext.held_signals import held
 from alf_ros.kernel.numba_ext.inner_code import rebuilt
 from alf_ros.kernel.numba_ext.repeated_work import spared
 
@@ -76,7 +77,13 @@ class Cache(_Cache):
 
         @functools.wraps(compile)
         def wrapper(*args: Any) -> Any:
-            with global_compiler_lock, paused(), spared(), contextlib.ExitStack() as turn:
+            with (
+                held(),
+                global_compiler_lock,
+                paused(),
+                spared(),
+                contextlib.ExitStack() as turn,
+            ):
                 self._turns.append(turn)
                 try:
                     return compile(*args)
