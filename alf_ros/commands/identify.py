@@ -113,7 +113,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         candidates(options.design, scene, options.fit, topics)
     folder = paths.named(options.output, '--output')
     check_folder(folder, scene, bool(options.design), '--output')
-    with parser.naming(), ProgressBar('identify') as bar:
+    options_of = {'priors': '--prior', 'tangents': '--fit'}
+    with parser.naming(**options_of), ProgressBar('identify') as bar:
         found = identify(
             scene,
             options.recordings,

@@ -22,6 +22,7 @@ from alf_ros.exchange import (
     mechanism_text,
     mjcf_import,
     sdf_import,
+    sdf_versions,
     urdf_with_loops,
     usd_import,
     xml_file,
@@ -144,7 +145,10 @@ def _without_mass(scene: Scene) -> list[str]:
 def format_of(path: Path) -> str:
     """`usd` by the ending of the name, or else the first element of a file: `mujoco`, `sdf`,
     `robot`."""
-    return 'usd' if path.suffix.lower() in SUFFIXES else xml_file.kind_of(path)
+    if path.suffix.lower() in SUFFIXES:
+        return 'usd'
+    kind = xml_file.kind_of(path)
+    return 'sdf' if kind == sdf_versions.OLD_ROOT else kind
 
 
 def _robot(path: Path, asked: Wishes) -> Robot:

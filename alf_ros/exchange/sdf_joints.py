@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot
 from alf_ros.exchange.sdf_frames import MODEL, SdfFrames
 from alf_ros.exchange.sdf_values import name_of, number, numbers, says
@@ -160,7 +161,7 @@ class SdfJoints:
         inner = None if limit is None else limit.find(tag)
         text = '' if inner is None else (inner.text or '').strip()
         try:
-            x = float(text or default)
+            x = decimal(text) if text else default
         except ValueError:
             x = math.nan
         if math.isnan(x):

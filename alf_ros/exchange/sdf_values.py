@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _TRUE, _FALSE = ('true', '1'), ('false', '0')
@@ -28,7 +29,7 @@ def numbers(
     """So many numbers, that can be computed with, in a text of the element `at`. Raises the
     error."""
     try:
-        found = np.array([float(word) for word in text.split()])
+        found = np.array([decimal(word) for word in text.split()])
     except ValueError:
         found = np.empty(0)
     if found.size != count or not np.all(np.abs(found) <= LARGEST):

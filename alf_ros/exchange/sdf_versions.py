@@ -22,6 +22,7 @@ _OLDEST, NEWEST = 4, 12  # minor versions that are read
 # from these minor versions on: axes in the frames of their joints, gravity of the world,
 # `relative_to` in place of `frame`, and joints with frames
 _AXES_OF_JOINTS, _GRAVITY_OF_WORLD, _RELATIVE_TO, _FRAMES_OF_JOINTS = 5, 6, 7, 7
+OLD_ROOT = 'gazebo'  # of versions before 1.3, which have other elements below it too
 _WORLD = 'world'  # a name that frames have as well
 
 
@@ -34,6 +35,15 @@ def root_of(
     """
     root = xml_file.root_of(path, arguments)
     given = root.get('version')
+    if root.tag == OLD_ROOT:
+        message, expected = f'SDF before 1.3, whose root is <{OLD_ROOT}>', '1.4 to 1.12'
+        raise InputError(
+            message,
+            **xml_file.place_of(root, str(path)),
+            key='sdf version',
+            value=given,
+            expected=expected,
+        )
     minor = minor_of(f'1.{NEWEST}' if given is None else given)
     if minor is None:
         message, expected = 'not a version of SDF that is read', '1.4 to 1.12'

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import GROUND, Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
@@ -86,7 +87,7 @@ def coefficients(mu: str | None, mu2: str | None) -> tuple[float, float | None]:
 def _shape(visual: ElementTree.Element, folder: Path) -> VisualShape:
     """Raises ValueError."""
     color = visual.findtext('material/diffuse') or visual.findtext('material/ambient')
-    rgba = None if color is None else [*map(float, color.split()), 1.0][:4]
+    rgba = None if color is None else [*map(decimal, color.split()), 1.0][:4]
     for each in visual.iterfind('geometry/*'):
         if each.tag == 'mesh':
             if each.find('submesh') is not None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 from xml.etree import ElementTree
 
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import Actuator, Robot
 
 _REDUCTIONS = ('mechanicalReduction', 'mechanical_reduction', 'gear_ratio')
@@ -60,7 +61,7 @@ def _reductions(transmission: ElementTree.Element) -> Iterator[str]:
 
 def _is_one(text: str) -> bool:
     try:
-        return float(text or 1.0) == 1.0
+        return decimal(text or '1') == 1.0
     except ValueError:
         return False
 

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.exchange import two_ended_loops, urdf_gazebo
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import AXES, STILL, TYPES, FramePose
 from alf_ros.exchange.sdf_frames import MODEL, pose_of
 from alf_ros.exchange.sdf_values import says
@@ -154,7 +155,7 @@ def _floats(
     if text is None:
         return np.array(default)
     try:
-        values = np.array([float(word) for word in text.split()])
+        values = np.array([decimal(word) for word in text.split()])
     except ValueError:
         values = np.empty(0)
     if values.size != len(default) or not np.all(np.isfinite(values)):

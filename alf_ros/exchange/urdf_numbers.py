@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
@@ -75,7 +76,7 @@ def _fault(given: str, count: int) -> str | None:
     """The fault of a text of so many numbers; None without one."""
     words = given.split()
     try:
-        usable = all(abs(float(word)) <= LARGEST for word in words)
+        usable = all(abs(decimal(word)) <= LARGEST for word in words)
     except ValueError:
         return 'not a number' if count == 1 else 'not numbers'
     if not usable:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import FramePose, Robot
 from alf_ros.mechanism import VisualShape
 from alf_ros.mechanism.visual_shapes import PACKAGE, roll_pitch_yaw
@@ -28,7 +29,7 @@ def numbers(text: str | None, count: int, default: Sequence[float] | None = None
     """So many numbers of a text. Raises ValueError if there are not."""
     if text is None and default is not None:
         return list(default)
-    found = [float(word) for word in (text or '').split()]
+    found = [decimal(word) for word in (text or '').split()]
     if len(found) != count or not all(map(math.isfinite, found)):
         raise ValueError(text)
     return found

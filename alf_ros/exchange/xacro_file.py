@@ -76,6 +76,9 @@ def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
             value=missing or None,
             expected='a sourced ROS 2 that has the package, or `xacro FILE > OUT.urdf` there',
         )
+    cause = getattr(error, 'exc', None)
+    if isinstance(cause, OSError) and cause.filename:  # xacro says both, with the path in each
+        said = f'{cause.strerror}: {cause.filename}'
     return InputError(f'xacro cannot expand it: {said}', file=str(path))
 
 

@@ -25,9 +25,12 @@ _XACRO = (re.compile(rb'\sxmlns:xacro\s*='), re.compile(rb'<xacro:[A-Za-z_]'))
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
 _DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
+_ENCODING = re.compile(rb'(<\?xml\b[^>]*?\sencoding\s*=\s*)("[^"]*"|\'[^\']*\')')
 _NAMESPACE = re.compile(rb'\sxmlns\s*=\s*("[^"]*"|\'[^\']*\')')
 _SCOPED = re.compile(rb'</?[A-Za-z_][\w.-]*(?:::[\w.-]+)+')
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
+# how files in UTF-16 begin, with a mark of the order of bytes or without one
+_UTF_16 = {b'\xff\xfe': 'utf-16', b'\xfe\xff': 'utf-16', b'<\0': 'utf-16-le', b'\0<': 'utf-16-be'}
 
 
 class PlacedElement(ElementTree.Element):
@@ -40,7 +43,7 @@ class PlacedElement(ElementTree.Element):
 
 def kind_of(path: Path) -> str:
     """The name of the first element of a file, `mujoco`, `sdf` or `robot`; '' if there is none."""
-    bare = _COMMENT.sub(b'', paths.content(path, LARGEST_FILE))
+    bare = _COMMENT.sub(b'', _content(path))
     root = _ROOT.search(bare)
     return '' if root is None else root[0][1:].decode('ascii', 'replace')
 
@@ -50,13 +53,23 @@ def root_of(path: Path, arguments: Mapping[str, str] | None = None) -> ElementTr
 
     Raises InputError.
     """
-    text = paths.content(path, LARGEST_FILE)
+    text = _content(path)
     root = _parsed(text, path)
     if _is_xacro(text, path):
         return _parsed(xacro_file.expanded(path, arguments or {}), path, expanded=True)
     if arguments:
         raise InputError('for xacro only', key='--argument', value=next(iter(arguments)))
     return root
+
+
+def _content(path: Path) -> bytes:
+    """A file, in UTF-8 if it is in UTF-16: the patterns here are of bytes. Raises InputError."""
+    data = paths.content(path, LARGEST_FILE)
+    try:
+        text = data.decode(_UTF_16[data[:2]]).encode()
+    except (KeyError, UnicodeDecodeError):  # which the parser refuses
+        return data
+    return _ENCODING.sub(rb'\1"UTF-8"', text, count=1)
 
 
 def _parsed(text: bytes, path: Path, expanded: bool = False) -> ElementTree.Element:

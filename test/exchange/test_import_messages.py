@@ -52,6 +52,16 @@ def test_an_argument_of_an_sdf_is_taken_and_of_other_formats_refused(tmp_path: P
             main([saved(tmp_path, name, text), '--argument', 'size=2'])
 
 
+def test_a_file_that_a_xacro_lacks_is_named_once(tmp_path: Path) -> None:
+    pytest.importorskip('xacro')
+    include = '<xacro:include filename="no.xacro"/>'
+    path = saved(tmp_path, 'it.urdf.xacro', XACRO.format(include, 1))
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    said = f'xacro cannot expand it: No such file or directory: {tmp_path / "no.xacro"}'
+    assert caught.value.message == said
+
+
 def test_a_plane_for_formats_that_take_none(tmp_path: Path) -> None:
     for name, text, of in (('it.xml', '<mujoco/>', 'MJCF'), ('it.usda', '', 'USD')):
         with pytest.raises(InputError, match=f'--ground: not for {of}'):

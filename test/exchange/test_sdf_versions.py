@@ -197,3 +197,32 @@ def test_a_joint_of_a_later_version_has_its_own_name(tmp_path: Path) -> None:
     model = ARM.format('', '0 0 0 0 0 0') + PIN.format('world').replace('"pin"', '"arm"')
     with pytest.raises(InputError, match='it.sdf:2: m::arm: a name of two frames'):
         imported(saved(tmp_path, 'it.sdf', WORLD.format('1.7', '', model)), scene=True)
+
+
+def test_a_version_with_another_root_is_refused_as_what_it_is(tmp_path: Path) -> None:
+    """It was "not a URDF". Other elements differ too: <origin>, and masses in attributes."""
+    source = '<gazebo version="1.2"><model name="m"><link name="a"/></model></gazebo>'
+    with pytest.raises(InputError, match='it.sdf:1: sdf version: SDF before 1.3, whose root is'):
+        imported(saved(tmp_path, 'it.sdf', source))
+
+
+@pytest.mark.parametrize('encoding', ['utf-16', 'utf-16-le', 'utf-16-be'])
+def test_a_file_in_utf_16(encoding: str, tmp_path: Path) -> None:
+    """The mark of the order of bytes may be absent. Lines count as in other files."""
+    head = '<?xml version="1.0" encoding="UTF-16"?>\n<!-- a -- b -->\n'
+    source = WORLD.format('1.9', '', ARM.format('', '0 0 0 0 0 0') + PIN.format('world'))
+    path = tmp_path / 'it.sdf'
+    path.write_bytes((head + source).encode(encoding))
+    expected = imported(saved(tmp_path, 'plain.sdf', source))
+    assert imported(str(path)).split('\n')[1:] == expected.split('\n')[1:]
+    path.write_bytes((head + source.replace('0 1 0', '0 0 0')).encode(encoding))
+    with pytest.raises(InputError, match='it.sdf:5: '):
+        imported(str(path))
+
+
+def test_an_mjcf_in_utf_16_is_refused_by_mujoco(tmp_path: Path) -> None:
+    pytest.importorskip('mujoco')
+    path = tmp_path / 'it.xml'
+    path.write_bytes('<mujoco><worldbody/></mujoco>'.encode('utf-16'))
+    with pytest.raises(InputError, match='it.xml: MuJoCo refuses it: XML parse error'):
+        imported(str(path))

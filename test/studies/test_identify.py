@@ -16,10 +16,12 @@ from scipy import stats
 
 from alf_ros import Identification, Recording, Simulation, identify, load_scene, recorded
 from alf_ros.arrays import Floats
+from alf_ros.commands.identify import main
 from alf_ros.errors import InputError
 from alf_ros.scene.overrides import number, with_changes
 from alf_ros.studies.identification import identification, window_runs
 from support.gripper import GRIPPER
+from support.log_files import make
 from support.recordings import SLIDER_CRANK, Machine, changed, pushes, scene
 
 FIT = ['coupler.mass', 'pin.viscous']
@@ -334,6 +336,18 @@ def test_numbers_without_a_tangent_are_refused_by_name() -> None:
     rubbing = load_scene({**SLIDER_CRANK, 'effects': rubs})
     with pytest.raises(InputError, match='no tangents: its friction depends on reactions'):
         identify(rubbing, _recording(**GOOD), ['coupler.mass'])
+
+
+def test_the_program_names_the_option(tmp_path: Path) -> None:
+    path, output = str(tmp_path / 'scene.yaml'), str(tmp_path / 'out')
+    Path(path).write_text(load_scene('slider_crank').text, 'utf-8')
+    log, _ = make(tmp_path / 'log', tmp_path / 'scene.yaml', ticks=30)
+    for given, expected in (
+        (['--fit', 'solver.step'], '--fit: no tangent by a number of the solver'),
+        (['--fit', 'm', '--prior', 'x=1:2'], '--prior: is not fitted'),
+    ):
+        with pytest.raises(InputError, match=expected):
+            main([path, str(log), *given, '-o', output])
 
 
 def driven() -> dict[str, Any]:
