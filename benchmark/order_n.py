@@ -153,7 +153,7 @@ def measured(shape: str, n: int) -> dict[str, Any]:
     simulation.step()
     prepared = time.perf_counter() - started
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    model, work = simulation.model, simulation._stepper.work
+    model, work = simulation.model, simulation._run.stepper.work
     system, unit = model.system, model.unit
     evaluations = simulation.evaluations
     simulation.step()
@@ -229,7 +229,7 @@ def cholmod(simulation: Simulation, q: Any) -> float:
         from cvxopt import cholmod as library
     except ImportError:
         return math.nan
-    model, work = simulation.model, simulation._stepper.work
+    model, work = simulation.model, simulation._run.stepper.work
     D, n = model.layout.dimension, model.layout.movable
     kernel.linearise(model.unit, model.system, work, q)
     # A = L D Lᵀ again, from its rows: only its numbers matter here

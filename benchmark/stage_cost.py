@@ -100,7 +100,7 @@ def judged(bars: int, turns: int = 300) -> tuple[float, float]:
     """µs a stage, and the median ratio to the time of the same steps without a judgement."""
     scene = load_scene('n_four_bar', parameters={'N': bars})
     plain, other = (Simulation(scene, step=1e-4, integrator='rk4') for _ in range(2))
-    stepper = other._stepper  # a method without an estimate is not judged
+    stepper = other._run.stepper  # a method without an estimate is not judged
     stepper.method = replace(stepper.method, estimate=np.zeros(0))
     stepper._problems.clear()
     spent: dict[bool, list[float]] = {True: [], False: []}

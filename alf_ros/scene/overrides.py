@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
@@ -132,9 +133,21 @@ def number(scene: Scene, name: str) -> float:
             raise InputError('a function of time', key=name, value=node.value, expected=expected)
         return dataclasses.replace(node, path=name).number(read_parameters(parameters, {}))
     what = 'a list' if isinstance(node.value, tuple) else 'a mapping'
-    raise InputError(
-        'not one number', key=name, value=what, expected=f'{name}.0' if what == 'a list' else None
-    )
+    first = next(_numbers(node, name, read_parameters(parameters, {})), None)
+    raise InputError('not one number', key=name, value=what, expected=first)
+
+
+def _numbers(node: Entry, name: str, parameters: Mapping[str, float]) -> Iterator[str]:
+    """The names of the numbers in a part of this name."""
+    if isinstance(node.value, str):
+        with suppress(InputError):
+            node.number(parameters)
+            yield name
+        return
+    fields = node.value.items() if isinstance(node.value, dict) else enumerate(node.value)
+    for key, inner in fields:
+        if key != 'alf':  # the version of a mechanism
+            yield from _numbers(inner, f'{name}.{key}', parameters)
 
 
 def section(scene: Scene, name: str) -> str:
@@ -166,6 +179,10 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
                 if isinstance(instance.value, dict):
                     places.setdefault(key, []).append(('effects', kind, key))
     found = places.get(first, [])
+    if not found and not rest:
+        inside = _numbers_of_parts(root, first)
+        if inside:
+            raise InputError('not one value', key=said, value=first, choices=inside)
     if not found:
         known = [f'drives.{key}' for key in drives]
         if first == 'drives' and known:
@@ -177,6 +194,20 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
         ways = ' or '.join('.'.join((*place, *rest)) for place in found)
         raise InputError('several things of this name', key=said, value=first, expected=ways)
     return (*found[0], *rest)
+
+
+def _numbers_of_parts(root: Entry, name: str) -> list[str]:
+    """The names of the numbers in the parts and effects of a name."""
+    fields = root.mapping()
+    mechanism = fields['mechanism'].mapping()
+    parts = [mechanism[part].mapping().get(name) for part in _PARTS[:-1] if part in mechanism]
+    for kind, entry in fields['effects'].mapping().items() if 'effects' in fields else ():
+        if effects.short_name(kind) == name:
+            parts.append(entry)
+        elif isinstance(entry.value, dict):
+            parts.append(entry.value.get(name))
+    parameters = read_parameters(mechanism.get('parameters'), {})
+    return [each for part in parts if part for each in _numbers(part, name, parameters)]
 
 
 def _drives(

@@ -58,7 +58,7 @@ class AlikeMembers:
         self._lanes = 2 * width() if two else width()
         self.most = (_MANY if many else _FEW) * width()
         self.quantities = tuple(quantities)
-        self._of, stepper = simulation, simulation._stepper
+        self._of, stepper = simulation, simulation._run.stepper
         likeness = Likeness(simulation)
         self.numbers_of = likeness.numbers_of
         self.numbers_of_columns = likeness.numbers_of_columns
@@ -72,7 +72,7 @@ class AlikeMembers:
             max(penalty, LEAST_PENALTY),
             self.most,
         )
-        problem, phase = stepper.problem_of(simulation._present), simulation._present.phase
+        problem, phase = stepper.problem_of(simulation._run.present), simulation._run.present.phase
         own = (*_OWN, *_LOOKING) if problem.forces.kinks.search.size else _OWN
         self._problems = MemberStructs(problem, self.most, own, _SHARED)
         every = [name for name, _, _ in vars(phase)['_numba_type_'].parts]
@@ -99,7 +99,7 @@ class AlikeMembers:
         own = slice(g * self._lanes, (g + 1) * self._lanes)
         dimension, lanes = self._of.model.layout.dimension, self._lanes
         addresses = functions_of_members(dimension, self._adaptive)
-        steady = int(self._of._applied.is_steady)
+        steady = int(self._of._run.applied.is_steady)
         alone, forces, drives = (np.array([each], dtype=np.uint64) for each in addresses)
         return LaneCrew(
             problem=self._problems.addresses[own].copy(),
@@ -190,7 +190,7 @@ class AlikeMembers:
             self._of.h,
         )
         if stopped >= 0:
-            self._of._stepper.listener.answer()
+            self._of._run.stepper.listener.answer()
         for g, crew in enumerate(self._crews):
             good[g * lanes : (g + 1) * lanes] &= crew.result == 0
         self._index = index

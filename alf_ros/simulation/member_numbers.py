@@ -50,7 +50,7 @@ class Likeness:
 
     def __init__(self, simulation: Simulation) -> None:
         """`simulation`: one for which `unlike` finds nothing."""
-        stepper, self._scene = simulation._stepper, simulation.scene
+        stepper, self._scene = simulation._run.stepper, simulation.scene
         self.layout, mechanism = simulation.model.layout, self._scene.mechanism
         self.rows = MemberRows(simulation.model)
         self._geometry = self.rows.of(self.layout)
@@ -136,7 +136,7 @@ def unlike(simulation: Simulation) -> str:
         return 'positions given are closed for each member'
     if simulation.accuracy is not None or simulation.solver != scene.solver:
         return 'settings that are picked belong to one member'
-    kinks = simulation._applied.assembled.kinks
+    kinks = simulation._run.applied.assembled.kinks
     if kinks.instants.size or kinks.span.size:
         return 'kinks over time are listed for each member'
     return ''

@@ -51,7 +51,7 @@ class MemberReadings:
     ) -> None:
         self._rows, self._problems, self._phases = rows, problems, phases
         self._model, self._members = simulation.model, problems.members
-        coordinates = simulation._stepper.instruments.coordinates
+        coordinates = simulation._run.stepper.instruments.coordinates
         self._joints = MemberStructs(coordinates, problems.members, LENGTHS)
         self._read = [self._reader(each.name) for each in quantities]
         names = [each.name for each in quantities]

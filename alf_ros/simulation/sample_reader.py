@@ -50,7 +50,7 @@ class SampleReader:
     """
 
     def __init__(self, simulation: Simulation, into: Mapping[str, tuple[Floats, ...]]) -> None:
-        model, stepper = simulation.model, simulation._stepper
+        model, stepper = simulation.model, simulation._run.stepper
         self._simulation, self._lock = simulation, simulation._lock
         self._model, self._stepper = model, stepper
         self._redundant = redundant_rows = simulation._start.dependent_rows
@@ -116,11 +116,11 @@ class SampleReader:
         """
         if wanted & ~self._known:
             raise InputError('no arrays for these readings', key='wanted', value=wanted)
-        return self._stepper.beside(self._simulation._present) is False and self._try(wanted)
+        return self._stepper.beside(self._simulation._run.present) is False and self._try(wanted)
 
     def _try(self, wanted: int) -> bool:
         """`read` after a step that was not interpolated beside a singular position."""
-        present, t = self._simulation._present, self._simulation.t
+        present, t = self._simulation._run.present, self._simulation.t
         applied, phase = present.applied, present.phase
         if applied is not self._applied:
             self._hold(applied)
@@ -180,7 +180,7 @@ def fits(simulation: Simulation) -> bool:
     bearings that share redundant reactions."""
     model = simulation.model
     plain = not model.mechanism.drives and not has_bearings(model)
-    return simulation._stepper.formulation is None and plain
+    return simulation._run.stepper.formulation is None and plain
 
 
 def _check(simulation: Simulation, into: Mapping[str, tuple[Floats, ...]]) -> None:

@@ -42,8 +42,8 @@ class _Group:
         self.members = list(members)
         spare = [copy.copy(members[0]) for _ in range(lanes - len(members))]
         self._all = [*members, *spare]
-        problems = [each._stepper.problem_of(each._present) for each in self._all]
-        phases = [each._present.phase for each in self._all]
+        problems = [each._run.stepper.problem_of(each._run.present) for each in self._all]
+        phases = [each._run.present.phase for each in self._all]
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
         self.progress = LaneStruct([LaneProgress(*np.zeros((5, 1))) for _ in self._all])
         self._is_adaptive = is_adaptive(members[0])
@@ -71,10 +71,10 @@ class _Group:
 
     def bind(self) -> None:
         """Take the members as they are now."""
-        self.of = [each._stepper.problem_of(each._present) for each in self._all]
-        self.of_phase = [each._present.phase for each in self._all]
+        self.of = [each._run.stepper.problem_of(each._run.present) for each in self._all]
+        self.of_phase = [each._run.present.phase for each in self._all]
         self.crew.problem[:], self.crew.phase[:] = _addresses(self.of), _addresses(self.of_phase)
-        self.crew.steady[0] = all(each._present.applied.is_steady for each in self._all)
+        self.crew.steady[0] = all(each._run.present.applied.is_steady for each in self._all)
         self._index[:] = [each.step_index for each in self._all]
 
     def begin(self, n: int, moving: Sequence[bool]) -> None:
@@ -91,7 +91,7 @@ class _Group:
 
     def _start(self, m: int, member: Simulation) -> None:
         """The first step of a scene that starts in a singular position is taken alone."""
-        stepper, present = member._stepper, member._present
+        stepper, present = member._run.stepper, member._run.present
         if stepper.begins_within(present):
             status = stepper.advance(present, 1)
             self.crew.result[m], self.crew.apart[m] = status, present.step
@@ -112,17 +112,17 @@ class _Group:
         for m, each in enumerate(self.members):
             status = Status(int(self.crew.result[m]))
             if status != Status.OK:
-                failed[m] = each._stepper.error(status, each._present)
+                failed[m] = each._run.stepper.error(status, each._run.present)
         return failed
 
     def settle(self, cost: float = math.nan) -> None:
         """Let the members count the steps since the last time; `cost` (s) of a step."""
         for m, each in enumerate(self.members):
-            stepper, taken = each._stepper, int(self._taken[m])
+            stepper, taken = each._run.stepper, int(self._taken[m])
             if not self._is_adaptive:  # whose stages the kernel counts
                 stepper.work.evaluations[0] += each.stages * taken
             if self._index[m] > self._begun[m]:
-                stepper.iterations, each._step_cost = int(self._most[m]), cost
+                stepper.iterations, each._run.step_cost = int(self._most[m]), cost
         self._taken[:] = 0.0
 
 
@@ -262,20 +262,20 @@ class SideBySide:
 
 def no_place(simulation: Simulation) -> str:
     """Why a simulation cannot be stepped side by side with others; empty if it can."""
-    stepper = simulation._stepper
+    stepper = simulation._run.stepper
     if PLAIN:
         return 'code that is not compiled has no lanes'
     if simulation.yields or stepper.is_implicit:
         return 'only explicit integrators have lanes'
     if stepper.formulation is not None:
         return 'only alf2 has lanes'
-    if simulation._watcher is not None or simulation.following is not None:
+    if simulation._run.is_watched or simulation.following is not None:
         return 'a watched run, or one with tangents, has no lanes'
     if simulation.ledger or stepper.applied.load_count:
         return 'works, and friction that depends on reactions, have no lanes'
     if stepper.may_jump:
         return 'drives with corners have no lanes'
-    kinks = simulation._applied.assembled.kinks
+    kinks = simulation._run.applied.assembled.kinks
     if is_adaptive(simulation) and kinks.instants.size:
         return 'adaptive steps that end at kinks over time have no lanes'
     return ''
@@ -283,13 +283,13 @@ def no_place(simulation: Simulation) -> str:
 
 def is_adaptive(simulation: Simulation) -> bool:
     """Whether the lengths of its steps depend on their errors."""
-    return simulation._stepper.method.embedded.size > 0
+    return simulation._run.stepper.method.embedded.size > 0
 
 
 def _pattern(simulation: Simulation) -> bytes:
     """The common part of the members of a group: the whole numbers of the mechanism, the
     iterations of a solve, and the tolerance of an adaptive method."""
-    system, method = simulation._stepper.system, simulation._stepper.method
+    system, method = simulation._run.stepper.system, simulation._run.stepper.method
     tolerance = float(method.tolerance) if is_adaptive(simulation) else 0.0
     parts = [repr((int(method.iterations), tolerance)).encode()]
     for struct in (system.mass, system.rows, system.pattern, system.arms, system.angles):
@@ -302,7 +302,9 @@ def _pattern(simulation: Simulation) -> bytes:
                 parts.append(value.tobytes() if whole else b'')
             else:
                 parts.append(repr(value).encode())
-    parts.append(repr((simulation._present.phase.q.size, system.prescribed.slots.size)).encode())
+    parts.append(
+        repr((simulation._run.present.phase.q.size, system.prescribed.slots.size)).encode()
+    )
     return b'|'.join(parts)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,7 +14,6 @@ import numpy as np
 from alf_ros.arrays import Integers
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import AssemblyError, InputError
-from alf_ros.kernel import Phase, Status, Watch
 from alf_ros.mechanism.form_of_rows import form_of, whole_form
 from alf_ros.model.compile import Model
 from alf_ros.model.singular_branches import Branch, Position
@@ -24,25 +22,23 @@ from alf_ros.scene.scene import Scene, Solver, joined
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.adjoint_following import AdjointFollowing
-from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs, Target
-from alf_ros.simulation.between import Between
+from alf_ros.simulation.applied import NO_INPUTS, Target
 from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.formulations import Formulation
+from alf_ros.simulation.lasting_tangents import LastingTangents
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.parameter_slopes import AnotherFormError
 from alf_ros.simulation.placement import placed
-from alf_ros.simulation.present import Present
-from alf_ros.simulation.quantity_tangents import QuantityTangents
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.sample import Sample
-from alf_ros.simulation.singular_passes import Pass, Watcher
+from alf_ros.simulation.singular_passes import Pass
 from alf_ros.simulation.solver_choice import chosen
 from alf_ros.simulation.start import started
 from alf_ros.simulation.state import State
 from alf_ros.simulation.state_trail import StateTrail
+from alf_ros.simulation.stepped_run import SteppedRun
 from alf_ros.simulation.stepping import Stepper
 from alf_ros.simulation.tangent_following import (
-    Followed,
     TangentFollowing,
     check_settings,
     checked_names,
@@ -73,9 +69,7 @@ class Simulation:
     BusyError; `t`, `step_index` and `stop` are free for all.
     """
 
-    _present: Present
-    _watcher: Watcher | None
-    _written = False  # whether steps are written down for gradients
+    _run: SteppedRun
 
     def __init__(
         self,
@@ -111,7 +105,6 @@ class Simulation:
         self._lock = threading.Lock()
         self.scene = scene
         self._following: TangentFollowing | None = None
-        self._unfolded: dict[str, float] = {}  # t (s) from which a tangent does not exist
         self.accuracy: Budget | None = None
         solver, to_pick = chosen(scene, {k: v for k, v in given.items() if v is not None})
         # of `Sample.works`, by name
@@ -125,17 +118,15 @@ class Simulation:
             self._following = self._following_of(names, known)
             self._use(self.solver)
         if watches or (self._following is not None and self._following.placing):
-            self._watcher = self._watching()
+            self._run.watch()
 
     def _begin(self, solver: Solver) -> None:
         """The scene where it starts."""
         self._start = started(self.scene, solver)
         self.adjustment = self._start.adjustment
-        self._set_up(solver)
-        self._initial = self._stepper.initial(self.accounts)
-        self._enter(self._initial, self._stepper.applied)
+        self._use(solver)
         try:
-            told = self._stepper.examined(self._applied)
+            told = self._run.stepper.examined(self._run.applied)
         except AssemblyError as error:
             raise AssemblyError(
                 error.message, file=self.scene.file, key=error.key, expected=error.expected
@@ -161,33 +152,30 @@ class Simulation:
             self._begin(self.solver)
         return TangentFollowing(names, self.scene, self.solver, self._start, known)
 
-    def _set_up(self, solver: Solver, formulation: Formulation | None = None) -> None:
-        """The data of steps with these settings."""
-        self.solver, self.model = solver, self._start.model
-        self._stepper = Stepper(
-            self._start,
-            solver,
-            self.scene.effects,
-            self.ledger,
-            formulation,
-            self._following,
-            self._written,
-        )
-        self._quantity_tangents: QuantityTangents | None = None
-        if self._following is not None:
-            middle = Middle(self.scene, self.model, solver, type(self))
-            self._quantity_tangents = QuantityTangents(self._following, middle)
-        self._watcher = None
-        self._between = Between(self._stepper)
-        self._step_cost = math.nan
-
     def _use(self, solver: Solver) -> None:
-        """Take other settings, of alf2, from the start; nothing is assembled again."""
-        self._set_up(solver)
-        start = self._following.initial if self._following else np.zeros(0)
-        pace = self._stepper.first_pace(self._initial.qd)
-        self._initial = replace(self._initial, pace=pace, tangents=start)
-        self._enter(self._initial, self._stepper.applied)
+        """The run with these settings, from the start; nothing is assembled again."""
+        self.solver, self.model = solver, self._start.model
+        stepper = self._stepper_for(solver)
+        self._initial = stepper.initial(self.accounts)
+        self._run = self._run_from(self._initial, stepper, self._tangents())
+
+    def _stepper_for(
+        self, solver: Solver, formulation: Formulation | None = None, written: bool = False
+    ) -> Stepper:
+        effects, following = self.scene.effects, self._following
+        return Stepper(self._start, solver, effects, self.ledger, formulation, following, written)
+
+    def _tangents(self) -> LastingTangents | None:
+        """As a run has them that nothing has passed."""
+        if self._following is None:
+            return None
+        middle = Middle(self.scene, self.model, self.solver, type(self))
+        return LastingTangents(self._following, middle)
+
+    def _run_from(
+        self, state: State, stepper: Stepper, tangents: LastingTangents | None
+    ) -> SteppedRun:
+        return SteppedRun(self._start, self.solver, stepper, state, self.accounts, tangents)
 
     def with_solver(
         self, integrator: str | None = None, tolerance: float | None = None
@@ -226,15 +214,9 @@ class Simulation:
             'ledger': self.ledger,
             'start': self._start,
             'initial': self._initial,
-            'state': self._present.state(),
-            'since': self._present.since,
-            'within': self._present.phase.within.copy(),
-            'formulation': self._stepper.formulation,
+            'formulation': self._run.stepper.formulation,
             'following': self._following,
-            'unfolded': dict(self._unfolded),
-            'steps': self._stepper.memory,
-            'step_cost': self._step_cost,
-            'watcher': self._watcher.memory if self._watcher else None,
+            'run': self._run.memory,
         }
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
@@ -247,19 +229,13 @@ class Simulation:
             saved[name] for name in ('scene', 'accuracy', 'ledger')
         )
         self._start, self._initial = saved['start'], saved['initial']
-        self._following, unfolded = saved['following'], saved['unfolded']
-        self._unfolded = {}
+        self._following, memory = saved['following'], saved['run']
         self.adjustment = self._start.adjustment
-        self.accounts = named_accounts(self.scene.effects, saved['solver']) if self.ledger else ()
-        self._set_up(saved['solver'], saved['formulation'])
-        self._enter(saved['state'], self._stepper.applied)
-        self._present = replace(self._present, since=saved['since'])
-        self._present.phase.within[:] = saved['within']
-        self._stepper.recall(saved['steps'])
-        self._step_cost, self._unfolded = saved['step_cost'], dict(unfolded)
-        if saved['watcher'] is not None:
-            self._watcher = self._watching()
-            self._watcher.recall(saved['watcher'])
+        self.solver, self.model = saved['solver'], self._start.model
+        self.accounts = named_accounts(self.scene.effects, self.solver) if self.ledger else ()
+        stepper = self._stepper_for(self.solver, saved['formulation'])
+        self._run = self._run_from(memory['state'], stepper, self._tangents())
+        self._run.recall(memory)
 
     def __copy__(self) -> Simulation:
         return self._of(self._start.model.apart())
@@ -286,32 +262,32 @@ class Simulation:
     @property
     def h(self) -> float:
         """The solver step, s."""
-        return self._stepper.h
+        return self._run.stepper.h
 
     @property
     def step_index(self) -> int:
         """Number of steps taken."""
-        return self._present.step
+        return self._run.present.step
 
     @property
     def t(self) -> float:
         """Simulated time, s: step_index times h, so that no rounding adds up."""
-        return self._present.step * self._stepper.h
+        return self._run.t
 
     @property
     def stages(self) -> int:
         """Stages of a step of the method."""
-        return int(self._stepper.method.b.size)
+        return int(self._run.stepper.method.b.size)
 
     @property
     def yields(self) -> bool:
         """Whether an implicit integrator has something to do: an effect says how it yields."""
-        return bool(self._stepper.system.soft.weight.size)
+        return bool(self._run.stepper.system.soft.weight.size)
 
     @property
     def evaluations(self) -> int:
         """Stages evaluated so far, each with its q̈: what a run costs, whatever the machine."""
-        return self._stepper.evaluations
+        return self._run.stepper.evaluations
 
     @property
     def rounded_steps(self) -> int:
@@ -319,21 +295,21 @@ class Simulation:
 
         A shorter one would be no better. More than a few say that the tolerance asks too much.
         """
-        return self._stepper.rounded
+        return self._run.stepper.rounded
 
     @property
     def resolution(self) -> Resolution:
         """How well the steps resolve the motion since the start or the last restored state, and
         whether they are too long; and the parts that were not examined. Measured with alf2, steps
         with the integrators of fixed steps."""
-        return self._stepper.resolution_later(self._applied)()
+        return self._run.stepper.resolution_later(self._run.applied)()
 
     @property
     def missed(self) -> float:
         """By how much (m) lengths miss a singular position on the way from the start; 0 if by
         nothing that is felt, or if it is not looked for: with drives, rows of velocities, or more
         than 600 coordinates. Known from when it is first asked for: some tenths of a second."""
-        return self._stepper.missed.on_the_way
+        return self._run.stepper.missed.on_the_way
 
     @property
     def step_error(self) -> float:
@@ -343,7 +319,7 @@ class Simulation:
         With more than 1e-6 a step, of 100 steps at least, they are too long, see `resolution`.
         NaN where nothing is measured.
         """
-        return self._stepper.step_error
+        return self._run.stepper.step_error
 
     # ------------------------------------------------------------------------------------- steps
 
@@ -354,36 +330,19 @@ class Simulation:
         Raises StepError if one fails, and StoppedError or the exception of a signal handler if one
         is interrupted; the state is then the end of the last whole step.
         """
-        self._advance(n)
+        self._run.advance(n)
 
     @by_one_thread
     def _step_along(self, n: int, trail: StateTrail) -> None:
         """n steps, with the states on the way. Raises as `step` does."""
-        self._stepper.trail = trail.trail
-        try:
-            self._advance(n)
-        finally:
-            self._stepper.trail = None
-
-    def _advance(self, n: int) -> None:
-        started, present = time.perf_counter(), self._present
-        first = present.step
-        n = check.whole(n, 'n', 0, check.MOST_STEPS - first)
-        if self._watcher is None:
-            status = self._stepper.advance(present, n)
-        else:
-            status = self._watcher.step(present.phase, n)
-        if present.step > first:
-            self._step_cost = (time.perf_counter() - started) / (present.step - first)
-        if status != Status.OK:
-            raise self._stepper.error(status, present)
+        self._run.advance_along(n, trail)
 
     def stop(self) -> None:
         """End the step that another thread takes, or else the next one, with StoppedError.
 
         Any thread may call this, and a handler of signals.
         """
-        self._stepper.listener.stop()
+        self._run.stepper.listener.stop()
 
     def run(
         self, duration: float, every: int = 1, at: Sequence[float] | None = None
@@ -421,48 +380,20 @@ class Simulation:
 
     def _trail(self, steps: Integers) -> StateTrail:
         """For `_step_along`, at these steps."""
-        return StateTrail(steps, self._present.phase)
+        return StateTrail(steps, self._run.present.phase)
 
     @by_one_thread
     def _begin_writing(self) -> None:
         """From here on steps end at the kinks that derivatives need, as with tangents."""
-        state, self._written = self._present.state(), True
-        self._set_up(self.solver)
-        self._enter(state, self._stepper.applied)
+        run, stepper = self._run, self._stepper_for(self.solver, written=True)
+        self._run = self._run_from(run.present.state(), stepper, run.tangents)
 
     @by_one_thread
     def _write_down(self, adjoint: AdjointFollowing, n: int) -> None:
         """n steps, written down. Raises StepError."""
-        adjoint.write_down(self._present, n)
+        adjoint.write_down(self._run.present, n)
 
     # ------------------------------------------------------------------------ singular positions
-
-    def _watching(self) -> Watcher:
-        if self._stepper.formulation is not None:
-            raise InputError(
-                'only alf2 watches for singular positions',
-                key='formulation',
-                value=self.solver.formulation,
-            )
-        return Watcher(
-            self.model,
-            self._start.dependent_rows,
-            self._start.ordinary,
-            self.h,
-            self._advance_watched,
-            self._step_aside,
-            self._energy,
-        )
-
-    def _advance_watched(self, n: int, watch: Watch | None) -> Status:
-        return self._stepper.advance(self._present, n, watch)
-
-    def _step_aside(self, phase: Phase, start: float, h: float) -> Status:
-        present = replace(self._present, phase=phase)
-        return self._stepper.aside(present, start, h, counted=False)
-
-    def _energy(self, t: float, phase: Phase) -> float:
-        return self._sample(t, replace(self._present, phase=phase).state(), False).energy
 
     @property
     def passes(self) -> tuple[Pass, ...]:
@@ -475,10 +406,7 @@ class Simulation:
 
     @by_one_thread
     def _passes(self) -> tuple[Pass, ...]:
-        if self._watcher is None:
-            raise InputError('nobody watches', key='passes', expected='Simulation(…, watch=True)')
-        self._watcher.finish()
-        return tuple(self._watcher.passes)
+        return self._run.passes()
 
     @property
     def departure(self) -> Branch | None:
@@ -489,7 +417,7 @@ class Simulation:
         other starts, if no force acts along a branch, and if branches are not enumerated. In the
         last case the motion follows the branch nearest to the acceleration without the lost rows.
         """
-        return self._stepper.departure(self._applied)
+        return self._run.stepper.departure(self._run.applied)
 
     @property
     def singular_start(self) -> Position | None:
@@ -510,7 +438,7 @@ class Simulation:
 
     @by_one_thread
     def _state(self) -> State:
-        return self._present.state()
+        return self._run.present.state()
 
     @by_one_thread
     def restore(self, state: State) -> None:
@@ -523,21 +451,12 @@ class Simulation:
         """
         model, effects = self.model, self.scene.effects
         state = check.checked_state(model, effects, state, self._initial, self.accounts)
-        self._enter(state.counted(self.h), self._applied)
-
-    def _enter(self, state: State, applied: Applied) -> None:
-        """Continue from a usable state; uses the packed parts of `applied`."""
-        present = Present.at(self.model, state, applied, self.accounts, self.h)
-        self._stepper.begin()
-        self._unfolded = {n: t for n, t in self._unfolded.items() if t <= state.step * self.h}
-        if self._watcher is not None:
-            self._watcher.restart()
-        self._present = present
+        self._run.enter(state.counted(self.h))
 
     @by_one_thread
     def reset(self) -> None:
         """Back to the initial state, no inputs held."""
-        self._enter(self._initial, self._applied)
+        self._run.enter(self._initial)
 
     @by_one_thread
     def place(
@@ -560,22 +479,19 @@ class Simulation:
         """
         if self._following is not None:
             raise InputError('no tangents of a placed body', key='body', value=body)
-        now, formulation = self._present.state(), self._stepper.formulation
+        now, stepper = self._run.present.state(), self._run.stepper
         if branch is not None:
             branch = check.whole(branch, 'branch', 1)
         q, qd, turns = placed(
             self.model, now, self.t, body, pose, twist, branch, self.dependent_rows
         )
+        formulation, pace = stepper.formulation, stepper.first_pace(qd)
         carried = formulation.start(q, qd) if formulation else now.carried
-        pace, loads = self._stepper.first_pace(qd), np.zeros_like(now.loads)
+        loads = np.zeros_like(now.loads)
         moved = replace(now.moved(q, qd, turns), pace=pace, carried=carried, loads=loads)
-        self._enter(moved, self._applied)
+        self._run.enter(moved)
 
     # ----------------------------------------------------------------------------------- inputs
-
-    @property
-    def _applied(self) -> Applied:
-        return self._present.applied
 
     @by_one_thread
     def apply_wrench(
@@ -594,8 +510,8 @@ class Simulation:
         point.
         """
         wrench = check.checked_wrench_of(self.model, name, force, torque, at, frame)
-        inputs = self._applied.inputs
-        self._hold(replace(inputs, wrenches={**inputs.wrenches, name: wrench}))
+        inputs = self._run.applied.inputs
+        self._run.hold(replace(inputs, wrenches={**inputs.wrenches, name: wrench}))
 
     @by_one_thread
     def apply_effort(self, joint: str, effort: float | Curve) -> None:
@@ -605,8 +521,8 @@ class Simulation:
         an unknown joint or a number that is not finite.
         """
         effort = check.checked_effort(self.model, check.text(joint, 'joint'), effort)
-        inputs = self._applied.inputs
-        self._hold(replace(inputs, efforts={**inputs.efforts, joint: effort}))
+        inputs = self._run.applied.inputs
+        self._run.hold(replace(inputs, efforts={**inputs.efforts, joint: effort}))
 
     @by_one_thread
     def apply_target(
@@ -621,27 +537,20 @@ class Simulation:
         """
         target = Target(position, velocity)
         check.checked_target(self.model, self.scene.effects, check.text(joint, 'joint'), target)
-        inputs = self._applied.inputs
-        self._hold(replace(inputs, targets={**inputs.targets, joint: target}))
+        inputs = self._run.applied.inputs
+        self._run.hold(replace(inputs, targets={**inputs.targets, joint: target}))
 
     @by_one_thread
     def clear_inputs(self) -> None:
         """Hold nothing any more."""
-        self._hold(NO_INPUTS)
-
-    def _hold(self, inputs: Inputs) -> None:
-        """Raises InputError, and changes nothing, for what cannot be packed."""
-        if inputs != self._applied.inputs:
-            present = replace(self._present, applied=self._applied.holding(inputs))
-            self._present = present
+        self._run.hold(NO_INPUTS)
 
     # ---------------------------------------------------------------------------------- samples
 
     @by_one_thread
     def sample(self) -> Sample:
         """The present state to read from; nothing in it is computed before it is asked for."""
-        present = self._present
-        return self._sample(self.t, present.state(), self._stepper.beside(present))
+        return self._run.sample()
 
     def _sample_at(self, t: float) -> Sample:
         """The motion at t (s), now or before the end of the next step. Raises StepError."""
@@ -650,40 +559,9 @@ class Simulation:
     @by_one_thread
     def _sample_between(self, t: float) -> Sample:
         """The motion at t (s), between two grid points."""
-        return self._sample(t, *self._between.at(self._present, t), whole=False)
+        return self._run.sample_between(t)
 
-    def _followed(self, whole: bool) -> Followed | None:
-        """The tangents of a sample, and those that do not exist there; `whole`: it is one of a
-        whole step, up to which singular positions are found."""
-        following, watcher = self._following, self._watcher
-        if following is None:
-            return None
-        if following.placing and watcher is not None:
-            for passed in watcher.passes:
-                for name in following.unfolded_by(passed):
-                    self._unfolded.setdefault(name, passed.t)
-        told = 'it unfolds the singular position passed at t = {:.6g} s'
-        refused = {name: told.format(t) for name, t in self._unfolded.items()}
-        if not whole:
-            told = 'of a length or a drive it is known at whole steps, where passes are found'
-            refused = {**dict.fromkeys(following.placing, told), **refused}
-        assert self._quantity_tangents is not None
-        return Followed(following, refused, self._quantity_tangents.of)
-
-    def _sample(self, t: float, state: State, beside: bool | None, whole: bool = True) -> Sample:
-        """`beside`: whether the step that ended there was interpolated beside a singular position;
-        None if no step did; `whole`: whether it is at the end of a whole step."""
-        return Sample(
-            self.model,
-            self._applied,
-            self.solver,
-            t,
-            state,
-            self._start.dependent_rows,
-            self._stepper.instruments,
-            self._stepper.iterations,
-            self._step_cost,
-            False if self._stepper.formulation else beside,
-            self._stepper.resolution_later(self._applied),
-            self._followed(whole),
-        )
+    def _sample(self, t: float, state: State, beside: bool | None) -> Sample:
+        """Another state at t (s), with the present forces; `beside` as of
+        `SteppedRun.sample_of`."""
+        return self._run.sample_of(t, state, beside)

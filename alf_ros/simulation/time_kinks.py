@@ -14,4 +14,4 @@ def time_kinks(simulation: Simulation, start: float, n: int, h: float) -> Floats
     steps of h (s) from `start` (s) on the corners of drives; ascending."""
     branches = DriveBranches.of(simulation.model)
     found = branches.instants(start, n, h) if branches is not None else []
-    return np.union1d(simulation._applied.instants, np.array(found))
+    return np.union1d(simulation._run.applied.instants, np.array(found))

@@ -31,7 +31,7 @@ CONSERVATIVE = {case for case in CASES if case[0] in _STORING and case not in DR
 
 def applied(sim: Simulation, q, qd):
     Q = np.zeros(q.size)
-    near, all_effects = sim.sample()._near, sim._applied.assembled.effects
+    near, all_effects = sim.sample()._near, sim._run.applied.assembled.effects
     kernel.applied_forces(all_effects, sim.t, q, qd, near, Q)
     kernel.add_friction(all_effects, sim.t, q, qd, near, sim.sample()._loads, Q)
     return Q
@@ -49,7 +49,7 @@ def test_compiled_is_what_is_written(
     sim.step(130)
     sample, (q, qd) = sim.sample(), (sim.state.q, sim.state.qd)
     compiled = applied(sim, q, qd)
-    energy = kernel.potential_energy(sim._applied.assembled.effects, sim.t, q, sample._near)
+    energy = kernel.potential_energy(sim._run.applied.assembled.effects, sim.t, q, sample._near)
     module = effects.load(kind)
     packed = module.pack(list(sim.scene.effects), sim.model.layout)
     shared = [
@@ -79,7 +79,7 @@ def test_force_is_the_gradient_of_the_potential(kind: str, which: str) -> None:
     q, near = sim.state.q, sim.sample()._near
     Q = applied(sim, q, np.zeros(q.size))
     directions = np.random.default_rng(1).normal(size=(5, q.size))
-    forces = sim._applied.assembled.effects
+    forces = sim._run.applied.assembled.effects
     for d in directions:
         h = 1e-6
         ahead, behind = (kernel.potential_energy(forces, sim.t, q + s * d, near) for s in (h, -h))

@@ -203,7 +203,7 @@ def test_it_is_the_given_load_where_that_is_the_reaction() -> None:
     true.step(500)
     given.step(500)
     assert true.sample().q == pytest.approx(given.sample().q, abs=1e-13)
-    assert given._applied.assembled.bearings.settle.size == 0
+    assert given._run.applied.assembled.bearings.settle.size == 0
 
 
 def test_without_coefficient_nothing_is_compiled_and_nothing_changes() -> None:
@@ -212,7 +212,7 @@ def test_without_coefficient_nothing_is_compiled_and_nothing_changes() -> None:
     plain.step(100)
     rubbing.step(100)
     assert np.array_equal(plain.state.q, rubbing.state.q)
-    assert plain._applied.assembled.bearings.settle.size == 0
+    assert plain._run.applied.assembled.bearings.settle.size == 0
 
 
 def test_a_run_repeats_bit_for_bit() -> None:

@@ -35,7 +35,7 @@ def test_compiled_force_is_the_python_force(monkeypatch: pytest.MonkeyPatch) -> 
     from alf_ros import kernel
 
     model, q, qd = sim.model, sim.state.q, sim.state.qd
-    forces, compiled = sim._applied.assembled.effects, np.zeros(q.size)
+    forces, compiled = sim._run.applied.assembled.effects, np.zeros(q.size)
     near = np.zeros(sim.state.turns.size)
     kernel.applied_forces(forces, 0.0, q, qd, near, compiled)
     module, python = load('constant_wrench'), np.zeros(q.size)

@@ -84,7 +84,7 @@ def side(
         for values in (CRANK.position(theta), rate * CRANK.tangent(theta))
     )
     simulation = simulated(kind, parameters, positions=points, velocities=speeds)
-    state, forces = simulation.state, simulation._applied.assembled.effects
+    state, forces = simulation.state, simulation._run.applied.assembled.effects
     assert forces.side.size == int(asked)
     if not asked:
         address = np.array([registry.load(kind).side.address], dtype=np.uint64)
@@ -129,7 +129,7 @@ def interval(kind: str, parameters: dict[str, Any], theta: float, rate: float) -
         for values in (CRANK.position(theta), rate * CRANK.tangent(theta))
     )
     simulation = simulated(kind, parameters, positions=points, velocities=speeds)
-    forces, state, out = simulation._applied.assembled, simulation.state, np.zeros(4)
+    forces, state, out = simulation._run.applied.assembled, simulation.state, np.zeros(4)
     given = state.q, state.qd, np.full(1, theta), forces.effects.slots, forces.effects.params
     doubles, longs = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
     pointers = [
@@ -178,9 +178,9 @@ def test_kinks_over_time_are_known_by_their_times(
     kind: str, parameters: dict[str, Any], wanted: list[float]
 ) -> None:
     found = simulated(kind, parameters)
-    assert found._applied.assembled.kinks.instants.tolist() == wanted
+    assert found._run.applied.assembled.kinks.instants.tolist() == wanted
     fixed = simulated(kind, parameters, 'rk4')
-    assert not fixed._applied.assembled.kinks.instants.size
+    assert not fixed._run.applied.assembled.kinks.instants.size
 
 
 def test_every_effect_with_a_function_of_time_is_among_them() -> None:
@@ -242,11 +242,11 @@ def test_the_interval_without_a_kink(
     ],
 )
 def test_nothing_is_searched_for_without_kinks(kind: str, parameters: dict[str, Any]) -> None:
-    assert simulated(kind, parameters)._applied.assembled.kinks.search.size == 0
+    assert simulated(kind, parameters)._run.applied.assembled.kinks.search.size == 0
 
 
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'esdirk43', 'esdirk43_adaptive'])
 def test_sides_are_for_explicit_adaptive_steps_and_intervals_for_all(integrator: str) -> None:
-    forces = simulated(*CASES[0][:2], integrator)._applied.assembled
+    forces = simulated(*CASES[0][:2], integrator)._run.applied.assembled
     assert forces.effects.side.size == 0
     assert forces.kinks.search.size == 1

@@ -99,7 +99,9 @@ def test_a_target_of_a_joint_is_not_one_of_a_tendon_of_its_name() -> None:
         load_scene({'mechanism': MECHANISM, 'effects': effects, 'solver': {'step': 5e-4}})
     )
     simulation.apply_target('elbow', position=0.4)
-    wanted = {effect.kind: effect.parameters.position for effect in simulation._applied.effects}
+    wanted = {
+        effect.kind: effect.parameters.position for effect in simulation._run.applied.effects
+    }
     assert wanted == {'tendon': 0.2, 'motor': 0.4}
 
 

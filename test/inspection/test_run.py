@@ -93,6 +93,8 @@ def test_the_works_are_the_change_of_kinetic_energy(crank: Run) -> None:
         ('kinetic_enrgy', "did you mean 'kinetic_energy'?"),
         ('A', "more than one quantity ends so, got 'A'; expected points.A or velocities.A"),
         ('crank_pin.force.z', "name: no such quantity, got 'crank_pin.force.z'; did you mean"),
+        ('pin.efort', "name: no such quantity, got 'pin.efort'; did you mean 'crank_pin.effort'"),
+        ('B.z', "name: no such quantity, got 'B.z'; expected points.B.y or velocities.B.y"),
         (3, 'name: no such quantity, got 3'),
         ('', 'name: no such quantity'),
     ],

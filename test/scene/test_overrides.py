@@ -46,7 +46,7 @@ def test_numbers_of_a_drive_vary_and_have_tangents() -> None:
     [
         (('coupler.mass', 'mechanism.bodies.coupler.mass'), 'given twice, also by coupler.mass'),
         (('gravity.acceleration', 'gravity.acceleration.1'), 'also by gravity.acceleration'),
-        (('effects.gravity.acceleration.1', 'gravity'), 'nothing of this name'),
+        (('effects.gravity.acceleration.1', 'gravity'), 'not one value.*known: gravity.acc'),
         (('gravity.acceleration.1', 'effects.gravity'), 'also by gravity.acceleration.1'),
         (('solver.accuracy', 'solver.integrator'), 'has no meaning beside solver.accuracy'),
         (('gravity.acceleration.01',), "no such place in a list, got '01'"),

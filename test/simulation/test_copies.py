@@ -260,8 +260,8 @@ def test_no_address_leaves_an_object(name: str) -> None:
     sim.step(5)
     sample = sim.sample()
     _ = sample.qdd, sample.reaction_forces
-    known = addresses(sim.model.system) | addresses(sim._applied.assembled)
-    known |= addresses(sim._stepper.work) | addresses(sim._present.phase)
+    known = addresses(sim.model.system) | addresses(sim._run.applied.assembled)
+    known |= addresses(sim._run.stepper.work) | addresses(sim._run.present.phase)
     told = b''.join(pickle.dumps(part) for part in (sim, sim.model, sim.state, sample, sim.scene))
     assert not any(each.to_bytes(8, 'little') in told for each in known)
 
@@ -269,12 +269,12 @@ def test_no_address_leaves_an_object(name: str) -> None:
 def test_what_holds_addresses_is_not_pickled() -> None:
     sim = made('rubbing')
     sim.step(1)
-    forces = sim._applied.assembled
-    for struct in (forces, forces.effects, forces.bearings, forces.ledger, sim._stepper.work):
+    forces = sim._run.applied.assembled
+    for struct in (forces, forces.effects, forces.bearings, forces.ledger, sim._run.stepper.work):
         with pytest.raises(TypeError, match='addresses of this process'):
             pickle.dumps(struct)
-    work = copy.copy(sim._stepper.work)
-    assert not work.caller.any() and work.q is not sim._stepper.work.q
+    work = copy.copy(sim._run.stepper.work)
+    assert not work.caller.any() and work.q is not sim._run.stepper.work.q
 
 
 def test_a_pickle_of_another_version_is_refused() -> None:

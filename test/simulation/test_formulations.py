@@ -137,7 +137,7 @@ def test_one_iteration_is_the_penalty_method() -> None:
 
 def dense(sim: Simulation) -> tuple[Floats, Floats, Floats, Floats]:
     """M, Φ_q, Φ̇_q q̇ and Q of the present state, without the formulations' own code."""
-    model, work, state = sim.model, sim._stepper.work, sim.state
+    model, work, state = sim.model, sim._run.stepper.work, sim.state
     m, unit, rows = len(model.row_names), model.unit, model.system.rows
     M, phi_q = np.zeros((model.n, model.n)), np.zeros((m, model.n))
     kernel.jacobian(unit, rows, state.q, work.g, work.g2)
@@ -150,14 +150,16 @@ def dense(sim: Simulation) -> tuple[Floats, Floats, Floats, Floats]:
     curving, Q = np.zeros(m), np.zeros(state.q.size)
     kernel.jacobian_rate(unit, rows, state.qd, work.g2d)
     kernel.convective(unit, rows, work.g2d, state.qd, curving)
-    kernel.applied_forces(sim._applied.assembled.effects, sim.t, state.q, state.qd, np.zeros(8), Q)
+    kernel.applied_forces(
+        sim._run.applied.assembled.effects, sim.t, state.q, state.qd, np.zeros(8), Q
+    )
     return M, phi_q, curving, Q[: model.n]
 
 
 def rates(model: Model, sim: Simulation) -> Floats:
     """The derivatives that the formulation found at the end of its last step."""
-    assert sim._stepper.formulation is not None
-    return sim._stepper.formulation._storage.k[: sim.state.carried.size]
+    assert sim._run.stepper.formulation is not None
+    return sim._run.stepper.formulation._storage.k[: sim.state.carried.size]
 
 
 @pytest.mark.parametrize('name', ['baumgarte', 'independent', 'alf1'])
@@ -175,8 +177,8 @@ def test_accelerations_are_those_of_the_dense_equations(name: str) -> None:
     found = rates(sim.model, sim)
     assert found[:n] == pytest.approx(sim.state.qd[:n], abs=1e-13)
     if name == 'independent':
-        assert sim._stepper.formulation is not None
-        z = sim._stepper.formulation._storage.order[m:]
+        assert sim._run.stepper.formulation is not None
+        z = sim._run.stepper.formulation._storage.order[m:]
         assert found[n:] == pytest.approx(qdd[z], rel=1e-9)
     else:
         assert found[n:] == pytest.approx(qdd, abs=1e-6 * np.abs(qdd).max())
@@ -205,7 +207,7 @@ def test_momenta_are_those_of_the_canonical_equations(name: str, solver: dict[st
     turned = []
     for s in (e, -e):  # Φ_q is linear in q
         near = Simulation(load_scene('four_bar'))
-        near._present.phase.q[:] = state.q + s * state.qd
+        near._run.present.phase.q[:] = state.q + s * state.qd
         turned.append(dense(near)[1])
     phi_q_dot = (turned[0] - turned[1]) / (2 * e)
     expected = Q + phi_q_dot.T @ sigma
@@ -223,7 +225,7 @@ def test_forces_are_those_of_the_time_of_the_stage(name: str) -> None:
     body = {'puck': {'points': ['P'], 'mass': 1, 'inertia': 'point'}}
     source = {'alf': 1, 'points': {'P': {'at': [0, 0]}}, 'bodies': body}
     sim = Simulation(load_scene({'mechanism': source}), formulation=name, step=0.01)
-    none, nothing = sim._applied.assembled, np.zeros(1, dtype=np.uint64)
+    none, nothing = sim._run.applied.assembled, np.zeros(1, dtype=np.uint64)
     effects = replace(
         none.effects,
         force=np.array([turning.address], dtype=np.uint64),
@@ -234,7 +236,7 @@ def test_forces_are_those_of_the_time_of_the_stage(name: str) -> None:
         loads_at=nothing,
     )
     forces = replace(none, effects=effects)
-    sim._applied.__dict__['assembled'] = forces
+    sim._run.applied.__dict__['assembled'] = forces
     sim.step(50)
     sim.step(150)
     sample = sim.sample()
@@ -416,7 +418,9 @@ def test_omega_and_mu_close_what_stands_open(name: str, left: float) -> None:
         return phi
 
     before = opening()
-    formulation.advance(sim._applied.assembled, sim._stepper.work, phase, y, 0.0, 0, 400, 1e-3)
+    formulation.advance(
+        sim._run.applied.assembled, sim._run.stepper.work, phase, y, 0.0, 0, 400, 1e-3
+    )
     wanted = left * math.exp(-2.0) * before
     assert opening() == pytest.approx(wanted, abs=1e-4 * np.abs(before).max())
 

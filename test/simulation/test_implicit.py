@@ -281,9 +281,9 @@ def test_other_formulations_take_explicit_steps() -> None:
 def test_nobody_else_asks_how_effects_yield() -> None:
     scene = with_effects('slider_crank', 'torsion_spring: {joint: knee, stiffness: 5}')
     explicit, implicit = (Simulation(scene, integrator=i) for i in ('rk4', 'esdirk43'))
-    assert explicit._stepper.system.soft.weight.size == 0
-    assert not explicit._applied.assembled.effects.tangent.any()
-    assert implicit._stepper.system.soft.weight.size == 1
+    assert explicit._run.stepper.system.soft.weight.size == 0
+    assert not explicit._run.applied.assembled.effects.tangent.any()
+    assert implicit._run.stepper.system.soft.weight.size == 1
 
 
 JUMP = """

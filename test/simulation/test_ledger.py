@@ -260,7 +260,7 @@ def test_it_changes_nothing(method: dict[str, Any]) -> None:
     kept, plain = busy(**method), busy(ledger=False, **method)
     for sim in (kept, plain):
         sim.step(round(1.0 / sim.h))
-    assert plain.state.works == {} and plain._applied.assembled.ledger.tally.size == 0
+    assert plain.state.works == {} and plain._run.applied.assembled.ledger.tally.size == 0
     for field in ('q', 'qd', 'turns'):
         assert getattr(kept.state, field).tobytes() == getattr(plain.state, field).tobytes()
     with pytest.raises(InputError, match='no ledger is kept'):
@@ -358,6 +358,6 @@ def test_what_a_stage_notes_is_what_a_sample_says(scene: str) -> None:
     sim.step(7)
     powers = sim.sample().powers
     sim.step()
-    noted = sim._applied.assembled.ledger.rates[: len(powers)]
+    noted = sim._run.applied.assembled.ledger.rates[: len(powers)]
     assert noted == pytest.approx([*powers.values()], rel=1e-9)
     assert max(map(abs, powers.values())) > 1e-3

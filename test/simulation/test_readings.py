@@ -252,7 +252,7 @@ def test_a_workspace_that_others_have_used_changes_no_bit(name: str) -> None:
     for reading in READINGS.values():
         a, b = values(reading, late), values(reading, first.sample())
         assert [x.tobytes() for x in a] == [x.tobytes() for x in b], reading.name
-    assert len(used._stepper.instruments._idle) <= 4
+    assert len(used._run.stepper.instruments._idle) <= 4
 
 
 def test_one_sample_read_by_two_threads() -> None:
@@ -282,7 +282,7 @@ def test_a_sample_is_gone_when_nobody_has_it() -> None:
     assert sample.diagnostics.position_violation < 1e-8 and sample.lam.size
     gone = weakref.ref(sample)
     del sample
-    assert gone() is None and len(sim._stepper.instruments._idle) == 1
+    assert gone() is None and len(sim._run.stepper.instruments._idle) == 1
 
 
 def values(reading: Reading, sample: Sample) -> tuple[Floats, ...]:

@@ -76,7 +76,7 @@ def test_efforts_that_change_are_packed_as_they_are_anew(name: str) -> None:
         if turn % 3 == 2:
             simulation.apply_wrench(body, tuple(random.normal(size=model.layout.dimension)))
         simulation.step()
-        applied = simulation._applied
+        applied = simulation._run.applied
         anew = Applied(model, simulation.scene.effects, applied.inputs, ReactionsOf(model))
         one, other = applied.assembled.effects, anew.assembled.effects
         assert one.params.tobytes() == other.params.tobytes()

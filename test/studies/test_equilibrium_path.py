@@ -238,6 +238,9 @@ def test_a_rotor_does_not_keep_a_path_from_its_start() -> None:
         ('initial.positions.A.0', 'over: does not move the position of rest'),
         ('solver.step', 'over: does not move the position of rest'),
         ('joints.crank_pn.effort', 'over: no such quantity.*crank_pin.effort'),
+        ('crank_pin.efort', "over: no such quantity.*did you mean 'crank_pin.effort'"),
+        ('pin.efort', "over: no such quantity.*did you mean 'crank_pin.effort'"),
+        ('spring', "over: not one value.*did you mean 'spring.stiffness'"),
     ],
 )
 def test_a_name_that_cannot_be_followed(over: str, message: str) -> None:

@@ -344,7 +344,7 @@ def test_friction_under_reactions_is_refused() -> None:
 
 def test_the_steps_keep_their_bits(robot: Scene) -> None:
     simulation = Simulation(robot, **ADAPTIVE)
-    follower = AdjointFollowing(simulation._stepper, simulation.model)
+    follower = AdjointFollowing(simulation._run.stepper, simulation.model)
     follower.provide(1000)
     simulation._write_down(follower, 5)
     other = Simulation(robot, **ADAPTIVE)

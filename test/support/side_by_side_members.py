@@ -19,7 +19,7 @@ def member(name: str | Scene, changes: Mapping[str, Any], k: int, **settings: An
 
 def told(simulation: Simulation) -> tuple[Any, ...]:
     """State, counts and judgements."""
-    state, stepper = simulation.state, simulation._stepper
+    state, stepper = simulation.state, simulation._run.stepper
     return (
         simulation.step_index,
         state.q.tobytes(),
@@ -30,7 +30,7 @@ def told(simulation: Simulation) -> tuple[Any, ...]:
         simulation.rounded_steps,
         repr(simulation.step_error),
         repr(simulation.resolution),
-        stepper.beside(simulation._present),
+        stepper.beside(simulation._run.present),
         simulation.sample().energy,
     )
 

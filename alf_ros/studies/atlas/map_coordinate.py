@@ -83,9 +83,13 @@ def coordinate_named(mechanism: Mechanism, name: str, key: str) -> MapCoordinate
             raise InputError('this point is fixed', key=key, value=name)
         return MapCoordinate(f'{point}.{axis}', False, point, axes.index(axis))
     moving = [f'{each}.{axis}' for each in points if not points[each].fixed for axis in axes]
-    raise InputError(
-        'no such coordinate', key=key, value=name, choices=[*mechanism.coordinate, *moving]
-    )
+    joint = name.removeprefix('joints.').rpartition('.')[0]
+    if joint in mechanism.coordinate:
+        raise InputError('no such coordinate', key=key, value=name, expected=joint)
+    if name.startswith('points.'):
+        moving = [f'points.{each}' for each in moving]
+    choices = [*mechanism.coordinate, *moving]
+    raise InputError('no such coordinate', key=key, value=name, choices=choices)
 
 
 def unwrapped(values: Sequence[float] | Floats, is_angle: bool) -> Floats:

@@ -108,22 +108,22 @@ class Ensemble:
     def _own_params(self) -> Floats:
         """(members, numbers) the numbers of the effects of all members in one array, into which
         inputs are written."""
-        packed = [each._present.applied.assembled for each in self._members]
+        packed = [each._run.present.applied.assembled for each in self._members]
         if len({forces.effects.params.size for forces in packed}) > 1:
             raise InputError(_DIFFER, key='vary')
         params = np.array([forces.effects.params for forces in packed])
         for each, forces, own in zip(self._members, packed, params, strict=True):
             effects = replace(forces.effects, params=own)
-            applied = copy.copy(each._present.applied)
+            applied = copy.copy(each._run.present.applied)
             vars(applied)['assembled'] = replace(forces, effects=effects)
-            each._present = replace(each._present, applied=applied)
+            each._run.present = replace(each._run.present, applied=applied)
         return params
 
     def _units(self, name: str) -> tuple[NDArray[np.int64], Floats]:
         """Where an effort is in these numbers, and the numbers (members, places) of 1 N m or N."""
         found: list[Floats] = []
         for each in self._members[: len(self._members) if self._varied else 1]:
-            applied = each._present.applied
+            applied = each._run.present.applied
             efforts = {**applied.inputs.efforts, name: 1.0}
             pushed = applied.holding(replace(applied.inputs, efforts=efforts))
             found.append(pushed.assembled.effects.params)
@@ -152,7 +152,7 @@ class Ensemble:
                 )
         found = [known[name] for name in self.observations]
         count, angles = len(self._members), model.system.angles.c.size // 2
-        self._joints = [each._stepper.instruments.coordinates for each in self._members]
+        self._joints = [each._run.stepper.instruments.coordinates for each in self._members]
         return Observing(
             problem=np.zeros(count, dtype=np.uint64),
             phase=np.zeros(count, dtype=np.uint64),
@@ -227,8 +227,8 @@ class Ensemble:
     def _bind(self) -> None:
         """Take the members as they are now."""
         self._together.bind()
-        problems = [each._stepper.problem_of(each._present) for each in self._members]
-        phases = [each._present.phase for each in self._members]
+        problems = [each._run.stepper.problem_of(each._run.present) for each in self._members]
+        phases = [each._run.present.phase for each in self._members]
         self._observing.problem[:] = [each._address for each in problems]
         self._observing.phase[:] = [each._address for each in phases]
         self._first = problems[0], phases[0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.explicit_choice import explicit_solver
+from alf_ros.simulation.named_number import CALL
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.tangent_following import checked_names
@@ -28,7 +28,6 @@ from alf_ros.studies.gradients.observed_number import ObservedNumber, observed_n
 from alf_ros.studies.gradients.taped_run import TapedRun
 from alf_ros.studies.optimisation.folds import FOLDS, Folded, unit_of
 
-_CALL = re.compile(r'(\w+)\((.+)\)')
 _SAME = 1e-9  # of the largest value: what differs by less does not jump
 
 
@@ -209,9 +208,9 @@ def _objective(
     of: str, sample: Sample, beside: DisplacedScenes
 ) -> tuple[Callable[..., Folded], ObservedNumber, str]:
     """How the number is made of the values of a quantity, the quantity, and the number's unit."""
-    called = _CALL.fullmatch(of.strip()) if isinstance(of, str) else None
+    called = CALL.fullmatch(of.strip()) if isinstance(of, str) else None
     if called is None or called[1] not in FOLDS:
         choices = ', '.join(f'{name}(…)' for name in FOLDS)
         raise InputError('not a number of a run', key='of', value=of, expected=choices)
     number = observed_number(called[2], 'of', sample, beside)
-    return FOLDS[called[1]], number, unit_of(called[1], number.unit)
+    return FOLDS[called[1]], number, unit_of(called[1], number.named.unit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,12 +14,12 @@ from alf_ros.errors import InputError
 from alf_ros.kernel import Rows
 from alf_ros.model.compile import Model
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
-from alf_ros.simulation.named_quantity import NamedQuantity, named_quantity
+from alf_ros.simulation.named_number import NamedNumber, named_number, number_of
+from alf_ros.simulation.named_quantity import NamedQuantity
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.state import State
 from alf_ros.studies.gradients.bars import Bars
 from alf_ros.studies.gradients.free_directions import AlongFreeDirections
-from alf_ros.studies.optimisation.design_quantity import CALL
 
 
 class Derivatives(Protocol):
@@ -31,55 +31,38 @@ class Derivatives(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ObservedNumber:
-    """`text` as it was given, its unit, and how its components are read and differentiated; of
-    these the magnitude is taken if it `is_size`."""
+    """A number by its name, and how the components of its quantity are differentiated."""
 
-    text: str
-    unit: str
-    is_size: bool
-    _read: Callable[[Sample], Floats]
+    named: NamedNumber
     _derivatives: Derivatives
 
     def value(self, sample: Sample) -> float:
         """Its value in a sample."""
-        return self._of(self._read(sample))
-
-    def _of(self, components: Floats) -> float:
-        return float(np.linalg.norm(components) if self.is_size else components[0])
+        return number_of(self.named.quantity.read(sample), self.named.is_size)
 
     def add(self, sample: Sample, weight: float, to: Bars) -> None:
         """Add `weight` times its derivatives at a sample. A magnitude has none where it is zero:
         raises InputError."""
         along: Floats = np.ones(1)
-        if self.is_size:
-            here = self._read(sample)
-            size = self._of(here)
+        if self.named.is_size:
+            here = self.named.quantity.read(sample)
+            size = number_of(here, is_size=True)
             if size == 0.0:
                 where = f'zero at t = {sample.t:.6g} s'
-                raise InputError(f'no gradient of a magnitude that is {where}', value=self.text)
+                raise InputError(
+                    f'no gradient of a magnitude that is {where}', value=self.named.text
+                )
             along = here / size
         self._derivatives.add(sample, weight * along, to)
 
 
 def observed_number(
-    given: object, key: str, sample: Sample, beside: DisplacedScenes
+    text: str, key: str, sample: Sample, beside: DisplacedScenes
 ) -> ObservedNumber:
-    """The number of a text: a quantity as of `record`, `norm(…)` of a vector or `abs(…)` of a
-    number. `beside`: the scenes around this one. Raises InputError, which says `key`."""
-    text = given.strip() if isinstance(given, str) else ''
-    called = CALL.fullmatch(text)
-    if called and called[1] not in ('norm', 'abs'):
-        raise InputError('no such function', key=key, value=called[1], choices=('norm', 'abs'))
-    inner = called[2].strip() if called else text
-    quantity = named_quantity(inner, key, sample).checked(key)
-    if called is None and quantity.is_vector:
-        norm = f'norm({inner}) or ' if len(quantity.units) == 1 else ''
-        raise InputError('not a single number', key=key, value=inner, expected=f'{norm}{inner}.x')
-    if len(quantity.units) > 1:
-        raise InputError('components of several units have no norm', key=key, value=inner)
-    derivatives = _derivatives(quantity, sample, beside)
-    unit, is_size = quantity.units[0], called is not None
-    return ObservedNumber(text, unit, is_size, quantity.read, derivatives)
+    """The number of a text, as of `named_number`. `beside`: the scenes around this one. Raises
+    InputError, which says `key`."""
+    named = named_number(text, key, sample)
+    return ObservedNumber(named, _derivatives(named.quantity, sample, beside))
 
 
 def _derivatives(quantity: NamedQuantity, sample: Sample, beside: DisplacedScenes) -> Derivatives:

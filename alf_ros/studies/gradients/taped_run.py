@@ -35,7 +35,7 @@ class TapedRun(RunOfLegs):
         simulation._begin_writing()
         super().__init__(simulation, names)
         solver = simulation.solver
-        self._adjoint = AdjointFollowing(simulation._stepper, simulation.model, self._products)
+        self._adjoint = AdjointFollowing(simulation._run.stepper, simulation.model, self._products)
         per_step = _INNER if solver.method.embedded.size else 1
         self._longest = max(1, int(memory / (self._adjoint.bytes_of_step * per_step)))
         self._per_step = per_step

@@ -59,7 +59,7 @@ def undriven(motion: Scene | Simulation, without: Sequence[str]) -> Simulation:
     )
     simulation = Simulation(bare, step=_STEP, integrator='rk4', formulation='alf2')
     if isinstance(motion, Simulation):
-        simulation._hold(motion.state.inputs)
+        simulation._run.hold(motion.state.inputs)
     return simulation
 
 

@@ -98,9 +98,9 @@ class InverseDynamics:
         self._independent = len(model.row_names) - simulation._start.dependent_rows
         self._weights: Floats = np.ones(len(self.inputs))
         self._packed = one_by_one(model, [each.added(NO_INPUTS, 1.0) for each in self.inputs])
-        applied = simulation._applied
+        applied = simulation._run.applied
         self._problem = Workspace(model).problem(applied.assembled, simulation.solver)
-        self._joints = simulation._stepper.instruments.coordinates
+        self._joints = simulation._run.stepper.instruments.coordinates
 
     def weigh(self, weights: Floats) -> None:
         """Take (a,) weights of the efforts in the sum Σ w u² that is least if there are too many

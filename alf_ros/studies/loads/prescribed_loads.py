@@ -165,9 +165,9 @@ def _sampled(
     singular position, reactions feel the rounding of an effort over the distance to it."""
     samples, before = [], bare.state.inputs
     for k in np.flatnonzero(found.is_regular):
-        bare._hold(solver.held(found.efforts[k]))
+        bare._run.hold(solver.held(found.efforts[k]))
         samples.append(bare._sample(float(path.t[k]), carrier.state(path, int(k)), False))
-    bare._hold(before)
+    bare._run.hold(before)
     return samples
 
 

@@ -19,9 +19,10 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation.input_checks import number, numbers, text
+from alf_ros.simulation.named_number import CALL
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.ensemble.kept_outputs import DIRECTIONS
-from alf_ros.studies.optimisation.design_quantity import CALL, DesignQuantity, design_quantity
+from alf_ros.studies.optimisation.design_quantity import DesignQuantity, design_quantity
 from alf_ros.studies.optimisation.folds import (
     FOLDS,
     Folded,

@@ -1,13 +1,11 @@
 """One number of a sample: a quantity, its magnitude, or a transmission angle; with derivatives.
 
-A quantity has the name that `record` knows, such as `knee.force.x`. `norm(knee.force)` is the
-magnitude of one with components, `abs(motor.effort)` of a number. `transmission(A, B)` (rad, 0 to
-π/2) is the transmission angle of the bar between two points, for the motion at the instant.
+`named_number` describes the names. `transmission(A, B)` (rad, 0 to π/2) is the transmission angle
+of the bar between two points, for the motion at the instant.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,13 +14,13 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, StepError
-from alf_ros.simulation.named_quantity import NamedQuantity, named_quantity, slope_along
+from alf_ros.simulation.named_number import CALL, named_number, number_of
+from alf_ros.simulation.named_quantity import NamedQuantity, slope_along
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.atlas.transmission import bar_between
 from alf_ros.studies.optimisation.instants import DesignMotion
 
-CALL = re.compile(r'(\w+)\((.+)\)')
-_SIZES = ('norm', 'abs')
+_TRANSMISSION = 'transmission'
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +46,7 @@ class DesignQuantity:
 
     def value(self, components: Floats) -> float:
         """The number of its components."""
-        return float(np.linalg.norm(components) if self.is_size else components[0])
+        return number_of(components, self.is_size)
 
     def slopes(self, motion: DesignMotion, which: Sequence[int], size: float) -> Floats:
         """(which, P) its derivatives at samples of a motion by the numbers of the design.
@@ -76,25 +74,12 @@ def design_quantity(given: Any, key: str, sample: Sample) -> DesignQuantity:
     if not isinstance(given, str) or not given.strip():
         expected = 'a quantity, norm(…), abs(…) or transmission(A, B)'
         raise InputError('not a quantity', key=key, value=given, expected=expected)
-    text, inner = given.strip(), given.strip()
-    called = CALL.fullmatch(text)
-    if called and called[1] == 'transmission':
-        return _transmission(text, called[2], key, sample)
-    if called:
-        if called[1] not in _SIZES:
-            choices = (*_SIZES, 'transmission')
-            raise InputError('no such function', key=key, value=called[1], choices=choices)
-        inner = called[2].strip()
-    quantity = named_quantity(inner, key, sample).checked(key)
-    if called is None and quantity.is_vector:
-        norm = f'norm({inner}) or ' if len(quantity.units) == 1 else ''
-        raise InputError('not a single number', key=key, value=inner, expected=f'{norm}{inner}.x')
-    if len(quantity.units) > 1:
-        raise InputError('components of several units have no norm', key=key, value=inner)
-    is_size = called is not None
-    return DesignQuantity(
-        text, quantity.units[0], quantity.read, is_size, quantity.turns, quantity
-    )
+    called = CALL.fullmatch(given.strip())
+    if called and called[1] == _TRANSMISSION:
+        return _transmission(given.strip(), called[2], key, sample)
+    number = named_number(given, key, sample, (_TRANSMISSION,))
+    of = number.quantity
+    return DesignQuantity(number.text, number.unit, of.read, number.is_size, of.turns, of)
 
 
 def _transmission(text: str, inner: str, key: str, sample: Sample) -> DesignQuantity:

@@ -7,7 +7,9 @@ scene is read and closed again at each value, and its rows, masses and fixed poi
 from __future__ import annotations
 
 import copy
+import difflib
 from collections import OrderedDict
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -32,7 +34,14 @@ _INPUTS = ('joints', 'wrenches', 'targets')
 _FIXED = ('solver', 'initial')  # sections that do not move the rest
 _KEPT = 64  # values whose loads are kept
 _TWO = 2
+_ALIKE = 0.7  # of two words, as difflib has it
 _STEP = 1e-4  # of a difference, in parts of the range
+
+
+def _is_effort(word: str, others: Collection[str]) -> bool:
+    """Whether it is `effort`, perhaps misspelt, and not a word that others are nearer to."""
+    near = difflib.get_close_matches(word, (*others, 'effort'), 1, _ALIKE)
+    return bool(near) and near[0] == 'effort'
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +105,7 @@ class VariedScene:
             self.present = overrides.number(self._base.scene, over)
             self._of_effects = overrides.section(self._base.scene, over) == 'effects'
         except InputError as error:
-            if first in _INPUTS or last == 'effort':
+            if first in _INPUTS or _is_effort(last, error.choices or ()):
                 self._find_input(over)
             else:
                 raise error.about('over') from None
