@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from alf_ros import Scene, Simulation, load_scene
+from alf_ros.arrays import Floats
 from alf_ros.scene import overrides
 
 STEPS = 50
@@ -37,7 +38,7 @@ def test_of_a_thin_rod(pendulum: Scene, entry: int) -> None:
     body can have."""
     name = f'mechanism.bodies.rod.inertia.about_com.{entry}'
 
-    def moved(change: float) -> np.ndarray:
+    def moved(change: float) -> Floats:
         value = repr(overrides.number(pendulum, name) + change)
         simulation = Simulation(overrides.with_changes(pendulum, {name: value}))
         simulation.step(STEPS)
