@@ -1,4 +1,5 @@
-"""The files and the version that come with the package, in a source tree or installed."""
+"""The files and the version that come with the package, in a source tree or installed, and where
+other packages of ROS have their files."""
 
 from __future__ import annotations
 
@@ -12,15 +13,23 @@ from xml.etree import ElementTree
 _HERE = Path(__file__).resolve()
 
 
+def _ament_prefixes() -> list[Path]:
+    entries = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(entry) for entry in entries if entry]
+
+
+def shares(package: str) -> list[Path]:
+    """Return where a package of ROS has its files: none if AMENT_PREFIX_PATH lacks it."""
+    folders = (prefix / 'share' / package for prefix in _ament_prefixes())
+    return [share for share in folders if share.is_dir()]
+
+
 def _roots() -> Iterator[Path]:
     """Yield where package.xml and config/ may lie, nearest to this code first."""
     yield _HERE.parents[1]
     # <prefix>/lib/pythonX.Y/site-packages/alf_ros: also finds pip's --user and --prefix.
     prefixes = [_HERE.parents[1], _HERE.parents[min(4, len(_HERE.parents) - 1)]]
-    prefixes += [
-        Path(entry) for entry in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if entry
-    ]
-    for prefix in [*prefixes, Path(sys.prefix)]:
+    for prefix in [*prefixes, *_ament_prefixes(), Path(sys.prefix)]:
         yield prefix / 'share' / 'alf_ros'
 
 

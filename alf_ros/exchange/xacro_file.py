@@ -10,6 +10,7 @@ from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError
+from alf_ros.resources import shares
 from alf_ros.scene.text.yaml_document import LARGEST_FILE
 
 # <xacro:arg name="...">, $(arg ...) and xacro.arg('...') in expressions
@@ -69,7 +70,7 @@ def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
     said = f'{error or type(error).__name__}'
     if isinstance(error, ImportError) or any(each in said for each in _NOT_FOUND):
         found = [name for text in _texts(path, xacro) for name in _PACKAGE.findall(text)]
-        missing = ', '.join(name for name in dict.fromkeys(found) if not _is_found(name))
+        missing = ', '.join(name for name in dict.fromkeys(found) if not shares(name))
         return InputError(
             'xacro cannot expand it: $(find ...) finds no package',
             file=str(path),
@@ -80,13 +81,3 @@ def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
     if isinstance(cause, OSError) and cause.filename:  # xacro says both, with the path in each
         said = f'{cause.strerror}: {cause.filename}'
     return InputError(f'xacro cannot expand it: {said}', file=str(path))
-
-
-def _is_found(package: str) -> bool:
-    try:
-        from ament_index_python.packages import get_package_share_directory
-
-        get_package_share_directory(package)
-    except (ImportError, LookupError, OSError, ValueError):
-        return False
-    return True

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Mechanism, VisualShape
 from alf_ros.mechanism.visual_shapes import PACKAGE
+from alf_ros.resources import shares
 
 
 def shown_parts(mechanism: Mechanism) -> Iterator[tuple[str, tuple[VisualShape, ...]]]:
@@ -43,11 +43,9 @@ def mesh_path(file: str) -> Path:
         candidates = [Path(file)]
     else:
         package, _, inner = file.removeprefix(PACKAGE).partition('/')
-        prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-        shares = [Path(prefix, 'share', package) for prefix in prefixes if prefix]
-        if not any(share.is_dir() for share in shares):
+        candidates = [share / inner for share in shares(package)]
+        if not candidates:
             raise InputError(f'no package {package} in AMENT_PREFIX_PATH')
-        candidates = [share / inner for share in shares]
     for path in candidates:
         if _is_file(path):
             return path

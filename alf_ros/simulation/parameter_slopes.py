@@ -41,6 +41,7 @@ _FINER = (0.25 * LONGEST, 0.06 * LONGEST)  # where arrays bend too much for it
 _SHORTER, _MOST, _FEW_LENGTHS = 0.7, 12, 4  # shorter ones that are tried
 _TWO = 2  # of them are used
 _FEW = (-2, 2, 4)  # steps at which arrays show whether they are quadratic
+_NEARER = (1.0, 0.03, 1e-3, 1e-4)  # parts of these steps, where scenes further away are refused
 _QUADRATIC = 1e-14  # of the size of a number, by which a quadratic one may be off there
 _ASIDE = 1e-6  # how far aside a number is proposed that has a tangent
 _AGREE = 1e-9  # of the largest slope, and
@@ -134,14 +135,18 @@ class ParameterSlopes:
     def _few(self) -> tuple[float, list[Neighbour]] | None:
         """Half of the distance of the outer two, and the scenes there and at twice as much, if
         they have the form of this one."""
-        step = LONGEST * (abs(self.value) or 1.0)
-        try:
-            beside = [self._neighbour(k * step) for k in _FEW]
-        except InputError:
-            return None  # the number may be at its limit
-        if not self._have_form(beside):
+        for part in _NEARER:  # a product of inertia of 0 is small beside the moments, not beside 1
+            step = part * LONGEST * (abs(self.value) or 1.0)
+            try:
+                beside = [self._neighbour(k * step) for k in _FEW]
+            except InputError:
+                continue  # the number may be near its limit, or at it
+            if self._have_form(beside):
+                return _FEW[1] * step, beside
+            if part < 1.0:
+                raise self._another_form()  # scenes further away, which could tell, are refused
             return None
-        return _FEW[1] * step, beside
+        return None
 
     def _sizes(self, what: str, values: Sequence[Floats]) -> Floats:
         """For each number of an array, beside what its rounding is small, from the values of the

@@ -1,13 +1,13 @@
 """Signals held back while numba compiles or loads code.
 
-Python runs the handlers of signals in the main thread, between any two instructions, and what they
-raise, as Ctrl-C does, breaks off what is done there. numba does not bear that everywhere: LLVM
-calls Python for the code that it links, and where this call is broken off, LLVM links nothing and
-the process ends when the code is called; a module of numba that is imported in part cannot be
-imported again. So the handlers wait until the work ends, or begins with another function.
+Python runs the handlers of signals in the main thread, between any two instructions. An error that
+a handler raises there, as for Ctrl-C, breaks off any call. numba does not bear that everywhere:
+LLVM calls Python for the code that it links. If this call is broken off, LLVM links nothing and
+the process ends when the code is called. A module of numba that is imported in part cannot be
+imported again. So handlers wait until the work ends, or begins with another function.
 
-The handlers of C stand behind those of Python (rclpy has some): they wait with them. A signal that
-came is raised again as if it came then.
+Handlers of C that stand behind handlers of Python (rclpy has some) wait with them. A signal that
+came in the meantime is raised again.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def _later(number: int, frame: Any) -> None:
 
 
 def _release() -> None:
-    """All handlers as they were; then they hear what came."""
+    """All handlers as they were; then they hear the signals that came."""
     global _wakes
     with _blocked():
         for number, (handler, action) in _handlers.items():
