@@ -2,7 +2,9 @@
 
 A file gives the velocity of each body, rounded, and perhaps not of all. The velocities of a scene
 must fit the constraints to more digits. So q̇ = N y, with the free directions N of the mechanism
-as drawn and the y for which the bodies move as in the file, in the sense of least squares.
+as drawn and the y for which the bodies move as in the file, in the sense of least squares. The
+section has as many components of q̇ as determine y: more would contradict each other as soon as a
+length is changed.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.linalg import qr
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError
@@ -20,6 +23,7 @@ from alf_ros.scene.text.yaml_writer import entry, serialise
 from alf_ros.simulation.simulation import Simulation
 
 _ROUNDED = 1e-5  # of the largest: what the velocities of a file may differ from permitted ones
+_SEEN = 1e-9  # of the largest singular value: directions that these velocities show
 _EXAMINED = 1500  # coordinates of mechanisms, with dense matrices
 
 
@@ -45,11 +49,15 @@ def section(scene: Scene, robot: Robot) -> str | None:
         rows.append(free[n : n + 3] / (1.0 if is_point else layout.length))
     wanted = np.concatenate(list(speeds.values()))
     directions = np.concatenate(rows)
-    y, *_ = np.linalg.lstsq(directions, wanted, rcond=None)
+    y, _, rank, _ = np.linalg.lstsq(directions, wanted, rcond=_SEEN)
     found = directions @ y
     if np.abs(found - wanted).max() > _ROUNDED * np.abs(wanted).max():
         return ''
-    fitting = dict(zip(speeds, found.reshape(-1, 3).tolist(), strict=True))
+    _, order = qr(directions.T, mode='r', pivoting=True)
+    told = np.full(found.size, None, object)
+    told[order[:rank]] = found[order[:rank]].tolist()
+    named = zip(speeds, told.reshape(-1, 3).tolist(), strict=True)
+    fitting = {name: parts for name, parts in named if parts != [None] * 3}
     return serialise(entry({'initial': {'velocities': fitting}}))
 
 

@@ -10,6 +10,7 @@ import pytest
 from alf_ros import Simulation
 from alf_ros.arrays import Floats
 from alf_ros.exchange.import_file import imported
+from alf_ros.scene.overrides import with_changes
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
 
@@ -76,6 +77,21 @@ def test_the_motion_is_mujocos(source: str, tmp_path: Path) -> None:
     still = theirs(robot())
     assert np.abs(expected - still).max() > 0.1
     assert ours(text) == pytest.approx(expected, abs=1e-8)
+
+
+def test_velocities_fit_other_lengths(tmp_path: Path) -> None:
+    """As many components are given as the robot has freedoms: one of each of four hinges, and six
+    of a body that flies. More would contradict each other where a length changes."""
+    text = imported(saved(tmp_path, 'it.xml', robot(MOVING)), scene=True, key='k')
+    scene = scene_from_text(text)
+    given = [x for v in scene.velocities.values() for x in v if x is not None]
+    assert len(given) == 10
+    for name, value in (
+        ('mechanism.points.b_at.at.0', '0.35'),
+        ('mechanism.joints.h.axis.1', '1'),
+    ):
+        assert Simulation(with_changes(scene, {name: value})).t == 0.0
+        Simulation(scene, tangents=[name]).step()
 
 
 def test_a_part_of_a_body_that_is_lifted_is_listed(tmp_path: Path) -> None:
