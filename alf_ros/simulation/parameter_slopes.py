@@ -141,6 +141,9 @@ class ParameterSlopes:
                 beside = [self._neighbour(k * step) for k in _FEW]
             except InputError:
                 continue  # the number may be near its limit, or at it
+            # lengths that differ by as little may count as equal
+            if part < 1.0 and not all(map(self._has_shapes, beside)):
+                return None
             if self._have_form(beside):
                 return _FEW[1] * step, beside
             if part < 1.0:
@@ -212,6 +215,11 @@ class ParameterSlopes:
             return True
         here = self._here.structure
         return all(all(map(np.array_equal, each.structure, here)) for each in beside)
+
+    def _has_shapes(self, beside: Neighbour) -> bool:
+        """Whether a scene has the shapes and drives of this one, and differs by masses alone."""
+        pairs = zip(ARRAYS, beside.arrays(), self._here.arrays(), strict=True)
+        return all(np.array_equal(there, here) for what, there, here in pairs if what in SHAPES)
 
     def _none(self, why: str, expected: str | None = None) -> InputError:
         return InputError(f'no tangent: {why}', key=self.name, value=self.value, expected=expected)
