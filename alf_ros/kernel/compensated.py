@@ -14,7 +14,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import Rows
 from alf_ros.kernel.numba_ext.calls import fused
-from alf_ros.kernel.numba_ext.jit import ONE, inlined, inner
+from alf_ros.kernel.numba_ext.jit import ONE, ZERO, inlined, inner
 
 
 @inlined
@@ -56,8 +56,9 @@ def violation_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
                 low += lost + less
             for n in range(rows.first_term[e], rows.first_term[e + ONE]):
                 j = rows.term_block[n] * D
+                full = rows.full[n] != 0
                 for a in range(D):
-                    for c in range(D):
+                    for c in range(ZERO if full else a, D if full else a + ONE):
                         term, rest = exact_product(0.5 * rows.term[(n * D + a) * D + c], q[j + c])
                         part, less = exact_product(q[i + a], term)
                         high, lost = exact_sum(high, part)

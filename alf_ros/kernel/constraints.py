@@ -7,7 +7,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import Rows
 from alf_ros.kernel.numba_ext.block import Block, add, block, dot, packed, put, subtract, times
-from alf_ros.kernel.numba_ext.jit import ONE, compiled, inlined, inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, compiled, inlined, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 
 
@@ -31,8 +31,17 @@ def _terms(unit: Unit, rows: Rows, e: np.uint64, q: Floats) -> Block:
     """T q, of entry e."""
     g = packed(unit, 0.0, 0.0, 0.0)
     for s in each(rows.first_term[e], rows.first_term[e + ONE]):
-        g = g + times(unit, rows.term, s, block(unit, q, rows.term_block[s]))
+        g = g + _times_term(unit, rows, s, block(unit, q, rows.term_block[s]))
     return g
+
+
+@inlined
+def _times_term(unit: Unit, rows: Rows, s: np.uint64, b: Block) -> Block:
+    """T b, of term s. That of T = c I has the bits of the product with the whole matrix."""
+    D = np.uint64(len(unit))
+    if D != TWO and rows.full[s] == 0:
+        return rows.term[s * D * D] * b
+    return times(unit, rows.term, s, b)
 
 
 @compiled

@@ -204,8 +204,8 @@ class DisplacedScenes:
 
 def _form(model: Model) -> tuple[Floats, ...]:
     rows = model.system.rows
-    each = (rows.i, rows.j, rows.first, rows.movable, rows.block, rows.term_block, model.row)
-    return tuple(np.asarray(x, dtype=float) for x in (*each, model.point_block))
+    each = (rows.i, rows.j, rows.first, rows.movable, rows.block, rows.term_block, rows.full)
+    return tuple(np.asarray(x, dtype=float) for x in (*each, model.row, model.point_block))
 
 
 def _same(one: Sequence[Floats], other: Sequence[Floats]) -> bool:

@@ -76,6 +76,7 @@ class Neighbour:
         return (
             *(each.astype(np.int64) for each in whole),
             rows.term_block.astype(np.int64),
+            rows.full.astype(np.int64),
             angles.block.astype(np.int64),
             lengths.block.astype(np.int64),
             self.motions[0],

@@ -48,7 +48,8 @@ class Rows(Struct):
     b: Floats  # (entries D,); the gradient is g = T q + b
     first_term: Indices  # (entries + 1,)
     term_block: Indices  # (terms,)
-    term: Floats  # (terms D D,)
+    full: Indices  # (terms,) 0 of a T = c I in space, which is what all but wheels have
+    term: Floats  # (terms D D,) T
     c: Floats  # (quadratic rows,)
     alpha: Floats  # (rows,) penalty α of each row
     scale: Floats  # (rows,) 1 / |Φ_q,r| as drawn: scale Φ is a distance in metres

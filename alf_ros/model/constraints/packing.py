@@ -23,12 +23,14 @@ from alf_ros.model.struct_memory import changed, frozen
 
 class RowStructure(NamedTuple):
     """All of rows that is no number: which of them are distances, and which forms; the blocks of
-    each distance; and of each entry of a form its block, then the blocks of its terms."""
+    each distance; of each entry of a form its block, then the blocks of its terms; and `full` of
+    all terms, as in `Rows`."""
 
     bars: tuple[int, ...]
     forms: tuple[int, ...]
     ends: tuple[tuple[int, int], ...]
     bound: tuple[tuple[tuple[int, ...], ...], ...]
+    full: tuple[bool, ...]
 
 
 class RowNumbers(NamedTuple):
@@ -59,6 +61,7 @@ def parts_of(rows: Sequence[Constraint]) -> tuple[RowStructure, RowNumbers]:
         tuple(n for n, _ in forms),
         tuple((row.start, row.end) for _, row in bars),
         tuple(bound),
+        tuple(_full(products)),
     )
     return structure, RowNumbers(
         length=array([row.length for _, row in bars]),
@@ -66,6 +69,14 @@ def parts_of(rows: Sequence[Constraint]) -> tuple[RowStructure, RowNumbers]:
         term=concatenated(products).ravel(),
         c=array([row.c for _, row in forms if not row.velocity]),
     )
+
+
+def _full(T: Sequence[Floats]) -> list[bool]:
+    """`full` of matrices T. In the plane they turn, so that T = c I would be a matter of numbers."""
+    if not T or len(T[0]) == 2:
+        return [True] * len(T)
+    products = np.array(T)
+    return (products != products[:, :1, :1] * np.eye(3)).any(axis=(1, 2)).tolist()
 
 
 def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]]:
@@ -88,16 +99,19 @@ def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]
 def placed_rows(structure: RowStructure, movable: int) -> tuple[Integers, Rows]:
     """The order of the distances, those between blocks that move first, and the rows without
     numbers."""
-    found: tuple[Integers, Rows] = _placed(structure.ends, structure.bound, movable)
+    found: tuple[Integers, Rows] = _placed(*structure[2:], movable)
     return found
 
 
 @remembered(64)
 def _placed(
-    bars: tuple[tuple[int, int], ...], forms: tuple[tuple[tuple[int, ...], ...], ...], movable: int
+    bars: tuple[tuple[int, int], ...],
+    forms: tuple[tuple[tuple[int, ...], ...], ...],
+    full: tuple[bool, ...],
+    movable: int,
 ) -> tuple[Integers, Rows]:
     """The order of the distances between `bars`, and the rows without numbers; `forms` has their
-    entries: the block of each, and the blocks of its terms."""
+    entries: the block of each, and the blocks of its terms; `full` as in `Rows`."""
     ends = np.array(bars, dtype=np.int64).reshape(-1, 2)
     ends.sort(axis=1)
     fixed = ends[:, 1] >= movable
@@ -122,6 +136,7 @@ def _placed(
         b=nothing,
         first_term=indices(first_term),
         term_block=indices(term_block),
+        full=indices(full),
         term=nothing,
         c=nothing,
         alpha=nothing,
@@ -207,6 +222,7 @@ def _moved(rows: Rows, place: Integers, movable: int) -> Rows:
         b=rows.b[order],
         first_term=first_term,
         term_block=indices(place[rows.term_block[moved]]),
+        full=rows.full[moved],
         term=rows.term[moved],
     )
 
@@ -234,7 +250,7 @@ def _with_more(*given: Any) -> _Arrangement:
     return _arranged(_joined(rows, parts))
 
 
-_STRUCTURE = ('both', 'i', 'j', 'first', 'movable', 'block', 'first_term', 'term_block')
+_STRUCTURE = 'both', 'i', 'j', 'first', 'movable', 'block', 'first_term', 'term_block', 'full'
 _NUMBERS = ('b', 'term', 'c')
 
 
@@ -307,6 +323,7 @@ def _forms(rows: Rows, start: int, end: int) -> dict[str, Any]:
         'block': rows.block[s:e],
         'b': rows.b[s:e],
         'term_block': rows.term_block[t:u],
+        'full': rows.full[t:u],
         'term': rows.term[t:u],
         'c': rows.c[start:end],
     }
