@@ -344,6 +344,21 @@ def test_the_freedoms_that_are_left_are_named() -> None:
     )
 
 
+def test_bodies_are_named_where_no_joint_is_left() -> None:
+    """A plate floats beside a slider-crank, all of which the active crank holds."""
+    beside = {
+        **SLIDER_CRANK,
+        'points': {**SLIDER_CRANK['points'], 'P': {'at': [2, 2]}, 'Q': {'at': [3, 2]}},
+        'bodies': {
+            **SLIDER_CRANK['bodies'],
+            'plate': {'points': ['P', 'Q'], 'mass': 1, 'inertia': 'rod'},
+        },
+    }
+    with pytest.raises(InputError) as caught:
+        Closure(beside, ['pin'])
+    assert 'active: 3 freedoms are left: body plate would still be free' in str(caught.value)
+
+
 def test_coupled_joints_keep_their_phase_over_turns() -> None:
     """A finger whose second joint turns twice as far, back: no drift after many turns."""
     gripper = {

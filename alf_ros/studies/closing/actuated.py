@@ -31,7 +31,7 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import started
 
 Source = Scene | str | os.PathLike[str] | Mapping[str, Any]
-_MOVES = 1e-7  # of the fastest joint: rate of a joint that a free motion moves
+_MOVES = 1e-7  # of the fastest motion: rate of a joint that a free motion moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +195,6 @@ def _free_joints(model: Model, q: Floats, names: tuple[str, ...]) -> list[str]:
     work = allocate(model, model.system, 1)
     work.q[:] = q
     kernel.linearise(model.unit, model.system, work, work.q)
-    found: set[str] = set()
     random = np.random.default_rng(0)
     x = np.zeros_like(q)
     kernel.add_mass_times(
@@ -204,9 +203,9 @@ def _free_joints(model: Model, q: Floats, names: tuple[str, ...]) -> list[str]:
     until = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
     kernel.augmented(model.unit, model.system, work, work.p, x, until)
     rates = np.abs(_rates(model, q, x))
-    if rates.max(initial=0.0) > 0.0:
-        moving = rates > _MOVES * rates.max()
-        found = {n for n, m in zip(model.coordinate_names, moving, strict=True) if m}
+    # where only bodies move, such as floats and balls, all rates of joints are rounding
+    moving = rates > _MOVES * max(float(rates.max(initial=0.0)), np.abs(x).max() / model.size)
+    found = {n for n, m in zip(model.coordinate_names, moving, strict=True) if m}
     shown = [name for name in model.coordinate_names if name in found - set(names)]
     if not shown:
         D, layout = model.layout.dimension, model.layout
@@ -214,7 +213,7 @@ def _free_joints(model: Model, q: Floats, names: tuple[str, ...]) -> list[str]:
         shown = [
             f'body {body}'
             for body, blocks in layout.of_body.items()
-            if fast[blocks].max() > _MOVES * fast.max()
+            if fast[list(blocks)].max() > _MOVES * fast.max()
         ]
     return shown[:8] + (['…'] if len(shown) > 8 else [])
 
