@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 MOTION = {
     'inertia, repaired': 'the least change that makes it one of a body',
     'inertia: there is none': 'all mass is at the centre of mass',
-    'mass: there is none': 'a body without mass: a body that turns alone needs some',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',
     'joints without inertia': 'all mass that turns is on their axis, so they are fixed as drawn',
     'no mass in a free direction': 'a run stops: give these bodies mass and inertia, make one of '
@@ -70,6 +69,9 @@ MOTION = {
     'velocities that are clamped': 'here nothing stops at the limits of velocity',
     'springs by time constants': 'these joints have neither the spring nor the damper',
     'attributes that disagree': 'the first one counts',
+    'values at times': 'each counts as it is without a time, or as if the file had none',
+    'several scenes': 'all bodies have the gravity and the switches of the first one',
+    'instances of points': 'these bodies are there once, where they are described',
     'attributes without a counterpart': 'what they do is missing',
     'soft limits': 'they do not give way as in the file: with --stops they have its stiffness',
     'margins of limits': 'limits act at their values',
@@ -138,6 +140,8 @@ READING = {
     'names, changed': '',
     'rows of joints that are balls': 'they keep names and angles; no force acts on one of them '
     '(see --no-balls)',
+    'mass: there is none': 'these move with the bodies between which they are, as in a universal '
+    'joint',
     'zero of joints': 'here it is as drawn',
     'link of the world: there is none': 'it is the ground, as in Drake',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",

@@ -62,6 +62,8 @@ _ATTRIBUTES = {
 }
 _SEVERAL_OF = (*_READ['robot'], 'visual', 'collision')
 _HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
+# of `<compiler>` in the extension `<mujoco>`: where meshes are, and what is shown
+_OF_MESHES = {'meshdir', 'strippath', 'discardvisual', 'fusestatic'}
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
 _NONE_HERE = 'limits, damping, friction, springs, armature'  # in the report
@@ -368,7 +370,7 @@ class UrdfReader:
             for tag, each in unknown_elements.of(element, _READ[element.tag], _SEVERAL_OF):
                 is_top = element is self.xml
                 called = each.get('name', '') if is_top else f'of {element.get("name", "")}'
-                kind = 'elements' if tag in _HARMLESS else 'unknown elements'
+                kind = 'elements' if _is_harmless(each) else 'unknown elements'
                 self.robot.leave(kind, f'{tag} {called}'.strip())
             if element is not self.xml:
                 self._leave_inside(element)
@@ -435,6 +437,15 @@ def _lacks_world(xml: ElementTree.Element) -> bool:
     parents = (parent for joint in xml.findall('joint') for parent in joint.findall('parent'))
     named = any(each.get('link') == _WORLD for each in parents)
     return named and all(each.get('name') != _WORLD for each in xml.findall('link'))
+
+
+def _is_harmless(element: ElementTree.Element) -> bool:
+    """Whether an element that URDF does not have moves nothing."""
+    inside = [*element.iter()][1:]
+    only_shows = all(
+        each.tag == 'compiler' and _OF_MESHES.issuperset(each.keys()) for each in inside
+    )
+    return element.tag in _HARMLESS or (element.tag == 'mujoco' and only_shows)
 
 
 def _found(xml: ElementTree.Element, where: str) -> ElementTree.Element | None:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from alf_ros.exchange.robot import Actuator, Connection, Robot
-from alf_ros.exchange.usd_joints import UsdJoint, bounds
+from alf_ros.exchange.usd_joints import SLIDES, TURNS, UsdJoint, bounds
 from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage
 
@@ -29,7 +29,7 @@ _SHORT = {
 def limits(stage: UsdStage, scene: UsdScene, joint: UsdJoint) -> tuple[float, float] | None:
     """Of a joint with one coordinate, rad or m; None without limits. Raises InputError."""
     prefix, names = 'physics:', ('lowerLimit', 'upperLimit')
-    if str(joint.prim.GetTypeName()) == 'PhysicsJoint':
+    if _is_general(joint):
         if f'PhysicsLimitAPI:{joint.degree}' not in stage.schemas(joint.prim):
             return None
         prefix, names = f'limit:{joint.degree}:physics:', ('low', 'high')
@@ -104,14 +104,18 @@ def add_actuators(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
         drive = schema.removeprefix('PhysicsDriveAPI:')
         if drive == schema:
             continue
-        if drive in joint.others:
-            continue
+        if drive in (*SLIDES, *TURNS) and drive not in joint.free and _is_general(joint):
+            continue  # it is locked, or another part of a chain has it
         if not joint.degree or drive not in (joint.degree, _SHORT[joint.kind]):
             robot.leave('actuators', f'{joint.name} ({drive})')
         elif _kind(stage, joint, drive) == 'acceleration':
             robot.leave('actuators', f'{joint.name} (it sets accelerations)')
         else:
             robot.actuators.append(_drive(stage, robot, joint, drive))
+
+
+def _is_general(joint: UsdJoint) -> bool:
+    return str(joint.prim.GetTypeName()) == 'PhysicsJoint'
 
 
 def _kind(stage: UsdStage, joint: UsdJoint, drive: str) -> str:

@@ -83,7 +83,7 @@ class _Reader:
         usd_mimics.couple(stage, self.scene, self.robot, found)
         usd_actuators.add(stage, self.scene, self.robot, found, tendons)
         self._leave()
-        usd_unread.leave(stage, self.robot)
+        usd_unread.leave(stage, self.robot, self.bodies.prims)
 
     # ------------------------------------------------------------------------- bodies and joints
 
@@ -175,10 +175,16 @@ class _Reader:
                 leave('flex', name)
             if str(prim.GetTypeName()).endswith('Light'):
                 leave('lights', name)
+            if str(prim.GetTypeName()) == 'PointInstancer' and self._places_bodies(prim):
+                leave('instances of points', name)
             if str(prim.GetTypeName()) == 'MjcKeyframe':
                 leave('keyframes', name)
             if str(prim.GetTypeName()) == 'Camera':
                 leave('cameras', name)
+
+    def _places_bodies(self, instancer: Any) -> bool:
+        within = tuple(f'{each}/' for each in self.stage.targets(instancer, 'prototypes'))
+        return any(f'{path}/'.startswith(within) for path in self.bodies.prims)
 
     def _leave_body(self, prim: Any, part: str) -> None:
         stage, leave = self.stage, self.robot.leave

@@ -53,8 +53,7 @@ class UsdJoint:
     axes: of a revolute, a prismatic or a cylindrical joint its axis, of a planar one the normal,
     of a universal one the axis of the first and of the second end. length: of a distance, m.
     degree: of a joint with one coordinate, the name of its freedom in the file. free: its freedoms
-    there; a joint of the kind `general` has no type. others: freedoms of other parts of a chain
-    that is one joint in the file.
+    there; a joint of the kind `general` has no type.
     """
 
     name: str
@@ -65,7 +64,6 @@ class UsdJoint:
     degree: str = ''
     length: float = 0.0
     free: tuple[str, ...] = ()
-    others: tuple[str, ...] = ()
 
     @property
     def slides_locked(self) -> tuple[int, ...]:
@@ -154,15 +152,15 @@ class _Reader:
         if str(prim.GetTypeName()) == 'PhysicsDistanceJoint':
             return self._distance(prim, name, ends)
         free = self._free(prim)
-        if len(free) == 6:
+        acts = self._acts(prim, free)
+        if len(free) == 6 and not acts:
             robot.leave('elements', f'joint {name}, which leaves all motions free')
             return None
         found = kind_of(free)
-        acts = self._acts(prim, free)
         if found is None or (acts and is_chain(found[0], free)):
             turns = tuple(each for each in free if each in TURNS)
             if len(turns) == 3 or (len(turns) == 2 and 'rotX' not in turns):
-                self._leave_dynamics(name, acts)
+                self._leave_dynamics(name, self._acts(prim, turns))
             self._leave(prim, name)
             return UsdJoint(name, prim, 'general', (), ends, free=free)
         kind, axes = found

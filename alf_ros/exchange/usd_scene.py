@@ -40,7 +40,7 @@ class UsdScene:
         self._stage, self._robot = stage, robot
         scenes = [each for each in stage.prims() if str(each.GetTypeName()) == 'PhysicsScene']
         for other in scenes[1:]:
-            robot.leave('elements', f'scene {other.GetName()}')
+            robot.leave('several scenes', other.GetName())
         self._prim: Any = scenes[0] if scenes else None
         self._off = {kind for kind, flags in _OFF.items() if any(map(self._is_disabled, flags))}
         groups = self._array('mjc:option:actuatorgroupdisable')

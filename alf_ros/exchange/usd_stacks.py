@@ -117,9 +117,8 @@ def _parts(joint: UsdJoint) -> Iterator[UsdJoint]:
 
 def _part(joint: UsdJoint, free: tuple[str, ...], **changes: Any) -> UsdJoint:
     """A part of a joint, with some of its freedoms."""
-    others = tuple(each for each in joint.free if each not in free)
     degree = free[0] if len(free) == 1 else ''
-    return replace(joint, free=free, others=others, degree=degree, **changes)
+    return replace(joint, free=free, degree=degree, **changes)
 
 
 def _can_stack(stage: UsdStage, joint: UsdJoint) -> bool:

@@ -1,13 +1,14 @@
-"""Attributes of physics engines in a USD stage that no reader knows: listed, never passed over.
+"""Content of a USD stage that no reader looks at: listed, never passed over.
 
-Looked at are the prims that take part in the motion: bodies, joints, articulations, scenes,
-actuators, tendons. A value that changes nothing (zero, no limit, an empty text) is not listed.
+These are attributes of physics engines that no reader knows, and values at times. Looked at are
+the prims that take part in the motion: bodies, joints, articulations, scenes, actuators, tendons.
+A value that changes nothing (zero, no limit, an empty text) is not listed.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,28 +55,32 @@ _LISTED = {
     'margins of limits': 'mjc:margin',
     'masses that MuJoCo changes': 'mjc:compiler:(bound(Mass|Inertia)|setTotalMass|balanceInertia)',
 }
-_OTHER = 'attributes without a counterpart'
+_OTHER, _TIMES = 'attributes without a counterpart', 'values at times'
 _KNOWN = re.compile('|'.join((*_READ, *_HARMLESS)))
 _KINDS = {kind: re.compile(pattern) for kind, pattern in _LISTED.items()}
+_SAMPLED = ('physics:', 'limit:', *_SPACES)
+_PLACES = 'xformOp:'
 _GYROSCOPIC = 'physxRigidBody:enableGyroscopicForces'
 
 
-def leave(stage: UsdStage, robot: Robot) -> None:
-    """List such attributes. Raises InputError."""
+def leave(stage: UsdStage, robot: Robot, moving: Iterable[str]) -> None:
+    """List such attributes; moving: the paths of the bodies. Raises InputError."""
+    placing = {str(each) for path in moving for each in stage.prim(path).GetPath().GetPrefixes()}
     found: dict[tuple[str, str], list[str]] = {}
     states_mass = from_shapes = False
     for prim in stage.prims():
         if 'PhysicsRigidBodyAPI' in stage.schemas(prim):
             states_mass |= stage.is_authored(prim, 'physics:mass')
         from_shapes |= stage.word(prim, 'mjc:compiler:inertiaFromGeom') == 'true'
-        if not _takes_part(prim, stage.schemas(prim)):
-            continue
-        for kind, name in _unread(prim):
+        unread = list(_sampled(prim, _PLACES)) if str(prim.GetPath()) in placing else []
+        if _takes_part(prim, stage.schemas(prim)):
+            unread += [*_sampled(prim, _SAMPLED), *_unread(prim)]
+        for kind, name in unread:
             found.setdefault((kind, name), []).append(prim.GetName())
     if states_mass and from_shapes:  # which MuJoCo replaces by masses of shapes
         robot.leave('masses that MuJoCo changes', 'all')
     for (kind, name), prims in found.items():
-        if kind != _OTHER:
+        if kind not in (_OTHER, _TIMES):
             for each in prims:
                 robot.leave(kind, each)
             continue
@@ -88,6 +93,14 @@ def _takes_part(prim: Any, schemas: Sequence[str]) -> bool:
     return any(each in kind for each in _TYPES) or any(
         each in schema for schema in schemas for each in _SCHEMAS
     )
+
+
+def _sampled(prim: Any, spaces: str | tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    """Attributes with values at times: the readers see the one without a time, or none."""
+    for name in prim.GetAuthoredPropertyNames(lambda name: name.startswith(spaces)):
+        attribute = prim.GetAttribute(name)
+        if attribute and attribute.GetNumTimeSamples():
+            yield _TIMES, name
 
 
 def _unread(prim: Any) -> Iterator[tuple[str, str]]:

@@ -340,6 +340,17 @@ def test_elements_for_sensing_change_no_motion(tmp_path: Path) -> None:
     assert lines == expected and '#   elements: sensor s\n' in made.read_text('utf-8')
 
 
+def test_places_of_meshes_for_mujoco_change_no_motion(tmp_path: Path) -> None:
+    expected, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', ''))
+    for more, listed in (
+        ('<compiler meshdir="meshes" discardvisual="false"/>', []),
+        ('<compiler meshdir="meshes" balanceinertia="true"/>', [f'{UNKNOWN}: mujoco']),
+        ('<option gravity="0 0 0"/>', [f'{UNKNOWN}: mujoco']),
+    ):
+        lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', f'<mujoco>{more}</mujoco>'))
+        assert sorted(lines) == sorted([*expected, *listed])
+
+
 def test_a_transmission_that_reduces_nothing_is_not_listed(tmp_path: Path) -> None:
     plain = geared('<actuator name="a"><mechanicalReduction>1.0</mechanicalReduction></actuator>')
     lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', plain))

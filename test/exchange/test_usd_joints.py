@@ -28,6 +28,7 @@ from support.usd_robots import (
     PIN,
     body,
     drive,
+    gravity,
     joint,
     made,
     massive,
@@ -261,6 +262,30 @@ def test_a_linear_drive_and_its_units(tmp_path: Path) -> None:
     assert motor.velocity_gain == pytest.approx(0.02e-3, rel=1e-15)
     assert (motor.position, motor.velocity) == pytest.approx((0.6, 0.2), rel=1e-15)
     assert motor.limit == pytest.approx(25e-5, rel=1e-15)
+
+
+def test_drives_of_a_joint_that_locks_nothing(tmp_path: Path) -> None:
+    """A body on a spring and a damper, against the closed form; a torque on a ball is listed, and
+    a drive of a locked motion is not."""
+    lines = drive('transX', stiffness=50.0, damping=4.0, targetPosition=0.3)
+    driven = joint('', 'j', PIN, *lines, schemas='Drive:transX')
+    text = made(tmp_path, stage(body('b', FULL), driven, gravity((1, 0, 0), G)), scene=True)
+    assert 'Changes' not in text
+    simulation = simulate(text)
+    simulation.step(300)
+    rest, t = 0.3 + 2.0 * G / 50.0, 0.3  # x'' + 2 x' + 25 (x - rest) = 0
+    w = math.sqrt(24.0)
+    x = rest - rest * math.exp(-t) * (math.cos(w * t) + math.sin(w * t) / w)
+    assert poses(simulation.sample())[0, 0] == pytest.approx(x, abs=1e-9)
+
+    for degree, listed in (('rotY', True), ('transX', False)):
+        lines = [] if listed else ['float limit:transX:physics:low = 1']
+        lines += [] if listed else ['float limit:transX:physics:high = -1']
+        schemas = f'Drive:{degree}' if listed else f'Drive:{degree} Limit:transX'
+        driven = joint('', 'j', PIN, *drive(degree, stiffness=5.0), *lines, schemas=schemas)
+        text = made(tmp_path, stage(body('b', FULL), driven), scene=True)
+        assert (f'({degree})\n' in text) == listed
+        assert ('#   limits, damping, friction, springs' in text) == listed
 
 
 def test_limits_are_in_degrees_from_the_zero_of_the_file(tmp_path: Path) -> None:

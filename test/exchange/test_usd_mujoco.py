@@ -420,6 +420,31 @@ def test_attributes_of_bodies(tmp_path: Path) -> None:
     assert 'Changes' not in made(tmp_path, stage(body('b', BAR, HARMLESS)), scene=True)
 
 
+def test_values_at_times_are_listed(tmp_path: Path) -> None:
+    """Of bodies and of the prims that place them, not of shapes that are only shown."""
+    at = 'each counts as it is without a time, or as if the file had none: '
+    sampled = 'double3 xformOp:scale.timeSamples = {0: (1, 1, 1)}'
+    shown = usd.prim('Xform', 'shown', '', sampled)
+    mass = 'float3 physics:diagonalInertia.timeSamples = {0: (1, 1, 1), 1: (2, 2, 2)}'
+    above = usd.prim('Xform', 'above', '', sampled, body('b', BAR, mass, shown))
+    text = made(tmp_path, stage(above, shown, body('c', BAR)), scene=True).replace('\n# ', '\n')
+    names = 'xformOp:scale of above, physics:diagonalInertia of b'
+    assert f'  values at times: {at}{names}\n' in text
+
+
+def test_bodies_of_points_and_further_scenes_are_listed(tmp_path: Path) -> None:
+    points = 'int[] protoIndices = [0, 0]\npoint3f[] positions = [(0, 0, 0), (1, 0, 0)]'
+    points = f'{points}\nrel prototypes = </p/b>'
+    scenes = [usd.prim('PhysicsScene', name, '') for name in ('one', 'two')]
+    text = stage(usd.prim('PointInstancer', 'p', '', points, body('b', BAR)), *scenes)
+    text = made(tmp_path, text, scene=True).replace('\n# ', '\n')
+    assert (
+        '  instances of points: these bodies are there once, where they are described: p\n' in text
+    )
+    assert 'the gravity and the switches of the first one: two\n' in text
+    assert 'instances' not in made(tmp_path, stage(body('b', BAR)), scene=True)
+
+
 def test_masses_that_mujoco_takes_from_shapes(tmp_path: Path) -> None:
     text = stage(body('b', BAR), SCENE % 'uniform token mjc:compiler:inertiaFromGeom = "true"')
     assert '#   masses that MuJoCo changes: they are' in made(tmp_path, text)
