@@ -193,15 +193,8 @@ class EnsembleStore:
         return self.folder / variable.name / name
 
     def _put(self, path: Path, content: bytes) -> None:
-        """Write beside and rename: `path` holds the whole content, or what it held before."""
         path.parent.mkdir(exist_ok=True)
-        beside = self._hidden / f'{os.getpid()}.tmp'
-        try:
-            beside.write_bytes(content)
-            os.replace(beside, path)
-        finally:
-            with contextlib.suppress(OSError):
-                beside.unlink(missing_ok=True)
+        paths.put(path, content, self._hidden / f'{os.getpid()}.tmp')
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
