@@ -113,8 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         candidates(options.design, scene, options.fit, topics)
     folder = paths.named(options.output, '--output')
     check_folder(folder, scene, bool(options.design), '--output')
-    options_of = {'priors': '--prior', 'tangents': '--fit'}
-    with parser.naming(**options_of), ProgressBar('identify') as bar:
+    with parser.naming(priors='--prior'), ProgressBar('identify') as bar:
         found = identify(
             scene,
             options.recordings,
