@@ -25,7 +25,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('scene', help='a scene or a mechanism: a name, or the path of a file')
     parser.add_argument(
-        '--at', type=float, metavar='T', help='instant at which drives are frozen, s (default: 0)'
+        '--at',
+        type=float,
+        metavar='T',
+        help='instant at which drives, motors and tables are frozen, s (default: 0)',
     )
     parser.add_argument(
         '--nearest',

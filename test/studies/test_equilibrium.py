@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -15,6 +17,7 @@ from alf_ros import (
     load_scene,
     modes,
 )
+from alf_ros.effects.contract.trajectory import through
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.statics import descent, newton_rest
 from support.some_scenes import LONG
@@ -219,6 +222,57 @@ def test_drives_are_frozen_at_the_instant_asked_for() -> None:
     np.testing.assert_allclose(found.points['B'], elbow - [0.0, 0.8], atol=1e-12)
     assert found.stiffness[0] == pytest.approx(1.5 * 9.81 / 0.8, rel=1e-11)
     assert found.t == 1.0 and 'drives are frozen at t = 1 s' in found.notes
+
+
+READS_TIME = """
+from dataclasses import dataclass, field
+import math
+from alf_ros.effects import contract
+from alf_ros.effects.contract.scalars import Measures, push
+
+MULTIPLE = True
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'coordinate', 'doc': 'joint'})
+
+def pack(effects, layout):
+    measures = Measures(layout)
+    for effect in effects:
+        measures.add_coordinate(effect.parameters.joint)
+        measures.give([])
+    return measures.packed()
+
+@contract.force
+def force(t, q, qd, near, slots, params, Q):
+    for n in range(slots[1]):
+        push(q, slots, params, n, math.sin(t), Q)
+"""
+
+
+def test_what_reads_time_says_the_instant(tmp_path: Path) -> None:
+    """Tables, motors that follow them, effects of users, and held inputs; not a steady motor."""
+    (tmp_path / 'swaying.py').write_text(READS_TIME)
+    table = [[0.0, 0.0], [1.0, 1.0]]
+    loads = {
+        'user_table': {'push': {'joint': 'shoulder', 'table': table}},
+        'motor': {
+            'led': {'joint': 'elbow', 'position': table, 'position_gain': 50.0},
+            'still': {'joint': 'elbow', 'effort': 0.1},
+        },
+        str(tmp_path / 'swaying.py'): {'sway': {'joint': 'shoulder'}},
+    }
+    scene = load_scene({'mechanism': 'double_pendulum', 'effects': {**GRAVITY, **loads}})
+    note = 'user_table.push, motor.led, swaying.sway: read at t = 0.5 s, as a function of time'
+    found = equilibrium(scene, t=0.5)
+    assert note in found.notes and note in linearise(found).notes
+    moving = Simulation(scene)
+    moving.step(500)
+    assert note in linearise(moving).notes
+    held = Simulation(load_scene({'mechanism': 'double_pendulum', 'effects': GRAVITY}))
+    held.apply_effort('elbow', through([0.0, 1.0], [(0.0,), (2.0,)]))
+    notes = equilibrium(held, t=0.5).notes
+    assert 'the effort on elbow: read at t = 0.5 s, as a function of time' in notes
 
 
 def test_a_drive_that_accelerates_loads_nothing_at_rest() -> None:

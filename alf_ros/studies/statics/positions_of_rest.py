@@ -26,6 +26,7 @@ from alf_ros.simulation.sample import JointState, Reaction, Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended, moved
+from alf_ros.studies.statics.frozen_time import read_at, standing_still
 from alf_ros.studies.statics.instant import DENSE, Instant, Loads, counted
 from alf_ros.studies.statics.newton_rest import nearest_rest
 from alf_ros.studies.statics.rest_at_kink import ON_ONE_SIDE, UNDECIDED, with_both_sides
@@ -72,7 +73,7 @@ class Equilibrium:
 
     @property
     def t(self) -> float:
-        """The instant at which drives are frozen, s."""
+        """The instant at which drives, motors and tables are frozen, s."""
         return self.sample.t
 
     @property
@@ -117,10 +118,10 @@ def equilibrium(
     """Where a scene rests under its effects, from where it starts; or a simulation, from its
     present, under its effects and held inputs.
 
-    t (s): the instant at which drives and signals are frozen; the present of a simulation, 0 of a
-    scene if absent. The search goes down the potential, so that it ends in a stable or neutral
-    position, unless it starts in another one. With `nearest` it goes to a near position of rest of
-    any kind, by Newton's method; where this ends without rest, down the potential.
+    t (s): the instant at which drives, motors and tables are frozen; the present of a simulation,
+    0 of a scene if absent. The search goes down the potential, so that it ends in a stable or
+    neutral position, unless it starts in another one. With `nearest` it goes to a near position of
+    rest of any kind, by Newton's method; where this ends without rest, down the potential.
 
     Raises InputError if none is found, or loads without a potential do not settle; AssemblyError
     if the mechanism cannot be closed.
@@ -259,6 +260,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         if sides:
             notes.append(sides)
     notes += standing_still(model, instant.t)
+    notes += read_at(instant)
     if told.stiffness.size and model.system.rows.velocity:
         if instant.position_directions.shape[1] > told.stiffness.size:
             notes.append('rows bind velocities only: other positions of rest lie all around')
@@ -275,15 +277,6 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes=tuple(notes),
         steps=landing.steps,
     )
-
-
-def standing_still(model: Model, t: float) -> list[str]:
-    """Notes about what moves as a function of time and stands still at rest, at t (s)."""
-    found = [f'drives are frozen at t = {t:g} s'] if model.mechanism.drives else []
-    names = ', '.join(joint.name for joint in model.mechanism.joints if joint.motion)
-    if names:
-        found.append(f'{names}: what moves there as a function of time stands still')
-    return found
 
 
 def _uncertainty(instant: Instant, told: RestStability) -> float:
