@@ -26,7 +26,7 @@ from alf_ros.studies.ensemble.summary_page import page
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a study; returns 0, or 1 if a logged member fails. Raises InputError, AlfError."""
     parser = Parser(
-        prog='ensemble',
+        command='ensemble',
         description='Run a scene many times, each time with other numbers. The store keeps the '
         'finished members: after an interruption the same command continues.',
     )

@@ -19,7 +19,7 @@ from alf_ros.studies.statics.rest_report import as_data, report
 def main(argv: Sequence[str] | None = None) -> int:
     """Find positions of rest of one scene; returns 0. Raises InputError if there is none."""
     parser = Parser(
-        prog='equilibrium',
+        command='equilibrium',
         description='Find where a scene rests under its effects, from where it starts, and '
         'whether it rests stably.',
     )

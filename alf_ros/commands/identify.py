@@ -24,7 +24,7 @@ from alf_ros.studies.identification.recorded_names import Topics
 def main(argv: Sequence[str] | None = None) -> int:
     """Fit; returns 0, or 1 if the fit does not settle. Raises InputError, AlfError."""
     parser = Parser(
-        prog='identify',
+        command='identify',
         description='Fit numbers of a scene to recordings of its machine, and say how well the '
         'recordings determine them.',
     )
