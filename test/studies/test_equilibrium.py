@@ -20,6 +20,9 @@ from alf_ros import (
 from alf_ros.effects.contract.trajectory import through
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.statics import descent, newton_rest
+from alf_ros.studies.statics.instant import angles
+from alf_ros.studies.statics.positions_of_rest import beginning
+from alf_ros.studies.statics.turned_starts import counting, turned_starts
 from support.some_scenes import LONG
 from support.statics_scenes import (
     GRAVITY,
@@ -147,6 +150,56 @@ def test_drives_bring_couplings_along(angle: object, expected: float) -> None:
 def test_a_rotor_makes_no_other_positions() -> None:
     found = equilibria(chain(1, {**GRAVITY, 'motor': {'joint': 'j0', 'armature': 0.5}}), starts=6)
     assert [round(float(each.points['P1'][1]), 6) for each in found] == [-1.0]
+
+
+def test_a_torsion_spring_rests_turns_away() -> None:
+    """k (θ - θ₀) + ½ m g L cos θ = 0 has roots in several turns of a soft spring."""
+    drawn, k = np.arctan2(-1.0, 0.1), 0.3
+    torque, rate = 0.5 * 9.81 * np.hypot(1.0, 0.1), 1e-3
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [0.1, -1]}},
+                'bodies': {'bar': {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod'}},
+                'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'}},
+            },
+            'effects': {**GRAVITY, 'torsion_spring': {'joint': 'pin', 'stiffness': k}},
+        }
+    )
+
+    def force(angle: float) -> float:
+        return float(k * (angle - drawn) + torque * np.cos(angle))
+
+    grid = np.arange(drawn - 2.5 * np.pi, drawn + 2.5 * np.pi, rate)
+    expected = [
+        brentq(force, low, high, xtol=1e-13)
+        for low, high in zip(grid[:-1], grid[1:], strict=True)
+        if force(low) < 0.0 < force(high)
+    ]
+    for starts in (0, 4):
+        found = equilibria(scene, starts=starts)
+        stable = sorted(e.joints['pin'].position for e in found if e.stability == 'stable')
+        np.testing.assert_allclose(stable, expected, atol=1e-10)
+    assert len(expected) == 3
+
+
+def test_turns_of_a_loop_belong_together() -> None:
+    """The crank comes round, with its loop; the rocker cannot."""
+    springs = {name: {'joint': name, 'stiffness': 0.1} for name in ('crank_pin', 'rocker_pin')}
+    effects = {**GRAVITY, 'torsion_spring': springs}
+    _, start = beginning(load_scene({'mechanism': 'four_bar', 'effects': effects}), None)
+    which = counting(start)
+    assert which.sum() == 2 < which.size
+    before = angles(start.model, start.q, start.turns)[0]
+    turned = turned_starts(start, which)
+    assert len(turned) == 2
+    for each, sense in zip(turned, (1.0, -1.0), strict=True):
+        after = angles(start.model, each.q, each.turns)[0]
+        turns = np.where(np.arange(before.size) == np.flatnonzero(which)[0], sense, 0.0)
+        np.testing.assert_allclose((after - before) / (2.0 * np.pi), turns, atol=0.05)
+    _, still = beginning(sprung('four_bar'), None)
+    assert not counting(still).any()
 
 
 def test_a_hanging_chain_has_the_zeros_of_laguerre() -> None:
