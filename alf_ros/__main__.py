@@ -48,7 +48,7 @@ def run(name: str, arguments: list[str]) -> int:
         return 0
     if name not in COMMANDS:
         raise InputError('no such command', value=name, choices=COMMANDS)
-    # What argparse shows as the program's name, and what rclpy reads its arguments from.
+    # What rclpy reads its arguments from.
     sys.argv = [f'alf_ros {name}', *arguments]
     code: int = importlib.import_module(COMMANDS[name]).main(arguments)
     return code

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -67,6 +68,19 @@ class InputError(AlfError):
             expected=self.expected,
             choices=self.choices,
         )
+
+
+@contextmanager
+def argument_of(caller: str, callee: str) -> Iterator[None]:
+    """Errors of the block about the argument `callee` of a function that it calls, or about a part
+    of it, name the argument `caller` that was given for it."""
+    try:
+        yield
+    except InputError as error:
+        name, dot, rest = (error.key or '').partition('.')
+        if error.line is not None or name != callee:
+            raise
+        raise error.about(f'{caller}{dot}{rest}', error.file) from None
 
 
 def printable(text: str) -> str:

@@ -45,13 +45,14 @@ def head(path: Path, most: int) -> bytes:
         raise InputError(f'cannot be read: {why}', file=str(path)) from None
 
 
-def put(path: Path, text: str) -> None:
-    """Write a file beside its place and rename it: `path` holds the whole text, or what it held
-    before. Raises OSError."""
+def put(path: Path, content: str | bytes, beside: Path | None = None) -> None:
+    """Write a file beside its place and rename it: `path` holds the whole content, a text in
+    UTF-8, or what it held before. `beside`: the name until then, on the same disk, for a folder
+    whose readers take all files in it. Raises OSError."""
     place = Path(os.path.realpath(path))  # a link stays one
-    beside = place.with_name(f'.{place.name}.{os.getpid()}.tmp')
+    beside = beside or place.with_name(f'.{place.name}.{os.getpid()}.tmp')
     try:
-        beside.write_text(text, 'utf-8')
+        beside.write_bytes(content.encode() if isinstance(content, str) else content)
         os.replace(beside, place)
     finally:
         with contextlib.suppress(OSError):

@@ -20,7 +20,7 @@ from alf_ros.logs.report.summary import Account, account
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the page of logs, and tables if asked for; returns 0. Raises InputError."""
     parser = Parser(
-        prog='analyze',
+        command='analyze',
         description='Write one HTML file that shows logs in a browser, also offline. It contains '
         'the moving mechanism, joints, reactions, energy, constraints, inputs and diagnostics. '
         'The page draws several logs over each other.',

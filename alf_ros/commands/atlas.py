@@ -16,7 +16,7 @@ _MOST = 12  # lines of one kind
 def main(argv: Sequence[str] | None = None) -> int:
     """Map one mechanism; returns 0. Raises InputError."""
     parser = Parser(
-        prog='atlas',
+        command='atlas',
         description='Map all positions of a mechanism over one or two of its coordinates: '
         'assembly modes, branches, singular positions, travel limits.',
     )

@@ -15,7 +15,7 @@ from alf_ros.scene.library import load
 def main(argv: Sequence[str] | None = None) -> int:
     """Check one mechanism; returns 0 if it is sound, 1 if not. Raises InputError."""
     parser = Parser(
-        prog='check',
+        command='check',
         description='Judge whether a mechanism is sound, and draw it. '
         'Exit code: 0 if it is sound, 1 if it is not, 2 if it cannot be read.',
     )

@@ -19,7 +19,7 @@ from alf_ros.ros.terminal import StatusLine
 
 def _options(arguments: Sequence[str]) -> NodeOptions:
     parser = Parser(
-        prog='close',
+        command='close',
         description='Close the loops of a robot as the ROS 2 node `close`: active joints on '
         f'`{INPUT}`, all joints on `joint_states`. Ctrl-C stops the node.',
         epilog=EPILOG,

@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """List the effects, or measure the effects of a scene. Returns 0; raises InputError,
     StepError."""
     parser = Parser(
-        prog='effects',
+        command='effects',
         description='Without SCENE: list all effects with their parameters, defaults and units. '
         'With SCENE: measure what each of its effects costs on this machine, and how it changes '
         'the motion. Write the results as CSV and as a picture.',

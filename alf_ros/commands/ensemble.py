@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from alf_ros import paths
-from alf_ros.commands.parser import Parser, writing
+from alf_ros.commands.parser import Parser, refuse_given, writing
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.studies.ensemble import report_file
@@ -26,7 +26,7 @@ from alf_ros.studies.ensemble.summary_page import page
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a study; returns 0, or 1 if a logged member fails. Raises InputError, AlfError."""
     parser = Parser(
-        prog='ensemble',
+        command='ensemble',
         description='Run a scene many times, each time with other numbers. The store keeps the '
         'finished members: after an interruption the same command continues.',
     )
@@ -51,6 +51,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--store', metavar='FOLDER', help='zarr folder (default: STUDY.zarr in this folder)'
     )
     parser.add_argument(
+        '--report',
+        metavar='FILE',
+        help='file of the report (default: beside the store, as run.html of run.zarr)',
+    )
+    parser.add_argument(
         '--log',
         type=int,
         metavar='K',
@@ -63,26 +68,50 @@ def main(argv: Sequence[str] | None = None) -> int:
     with parser.naming():
         study = load_study(options.study, members=options.members)
     if options.log is not None:
+        refuse_given(options, ('report',), 'has no meaning with --log')
         with parser.naming():
             return _log(study, options.log, options.output)
     if options.scheduler is not None:  # distributed logs tracebacks: here one line says it
         logging.disable(logging.CRITICAL)
     name = paths.named(options.study).stem
     folder = paths.named(options.store or f'{name}.zarr', '--store')
-    report_file.beside(folder)
+    _report(folder, options.report)
     with parser.naming(), _Lines(folder) as lines:
         conduct(study, folder, crew(options.workers, options.scheduler), lines)
     assert lines.last is not None
     lines.tell()
-    report = report_file.beside(folder)  # of the file that is there now
-    with EnsembleStore(folder, study) as store, writing('--store', report):
-        # Whole or not at all: a part without its mark would be left as the file of somebody else.
-        paths.put(report, page(lines.last, store.finished(), report_file.mark_of(folder)))
-    print(f'{folder} and {report.name}: {study.members} members, {lines.last.failed} failed')
+    report = _report(folder, options.report)  # of the file that is there now
+    with parser.naming(), EnsembleStore(folder, study) as store:
+        found = page(lines.last, store.finished(), report_file.mark_of(folder))
+        written = _write(report, found, options.report, store.is_writable)
+    where = f'{folder} and {options.report or report.name}' if written else f'{folder}'
+    print(f'{where}: {study.members} members, {lines.last.failed} failed')
     said = trouble_of(study, 0)
     if said:
         print(f'member 0: {said}', file=sys.stderr)
     return 0
+
+
+def _report(store: Path, chosen: str | None) -> Path:
+    """The file of the report, which may be chosen. Raises InputError."""
+    if chosen is None:
+        return report_file.beside(store)
+    return report_file.elsewhere(paths.named(chosen, '--report'), store)
+
+
+def _write(report: Path, found: str, chosen: str | None, is_writable: bool) -> bool:
+    """Write the report, whole or not at all: a part without its mark would be left as the file of
+    somebody else. Beside a store that can only be read there may be no place for it: returns
+    whether it is written. Raises InputError otherwise."""
+    try:
+        with writing('--report' if chosen else '--store', report):
+            paths.put(report, found)
+    except InputError as error:
+        if chosen or is_writable:
+            raise
+        print(f'no report: {error}; --report FILE writes it elsewhere', file=sys.stderr)
+        return False
+    return True
 
 
 def _log(study: Study, k: int, output: str) -> int:

@@ -19,13 +19,16 @@ from alf_ros.studies.statics.rest_report import as_data, report
 def main(argv: Sequence[str] | None = None) -> int:
     """Find positions of rest of one scene; returns 0. Raises InputError if there is none."""
     parser = Parser(
-        prog='equilibrium',
+        command='equilibrium',
         description='Find where a scene rests under its effects, from where it starts, and '
         'whether it rests stably.',
     )
     parser.add_argument('scene', help='a scene or a mechanism: a name, or the path of a file')
     parser.add_argument(
-        '--at', type=float, metavar='T', help='instant at which drives are frozen, s (default: 0)'
+        '--at',
+        type=float,
+        metavar='T',
+        help='instant at which drives, motors and tables are frozen, s (default: 0)',
     )
     parser.add_argument(
         '--nearest',

@@ -18,7 +18,7 @@ from alf_ros.scene.library import load
 def main(argv: Sequence[str] | None = None) -> int:
     """Export a mechanism. Returns 0; raises InputError."""
     parser = Parser(
-        prog='export',
+        command='export',
         description='Write the spanning tree of a mechanism as URDF, for RViz and other programs. '
         'Everything that is not exported is listed on stderr.',
     )

@@ -28,7 +28,7 @@ SETTINGS = ('paper', 'fixed')
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(
-        prog='figures',
+        command='figures',
         description='Draw the comparison of the paper for the slider-crank and the two four-bars: '
         'ALF1, ALF2 as printed, ALF2 of this package, and the exact motion. Draw it in the '
         'setting of the paper and with fixed steps.',

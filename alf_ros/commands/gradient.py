@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     log = load(options.log)
     try:
-        with parser.naming(tangents='--by'):
+        with parser.naming():
             found = gradient(log, options.of, options.by, every=options.every, trust=options.trust)
     except StepError as error:
         print(f'a step fails: {error}')

@@ -23,7 +23,7 @@ from alf_ros.studies.hard_cases.trial import RunResult, TableRow
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the cases; returns 0 if all passed, 1 if not. Raises InputError."""
     parser = Parser(
-        prog='hard_cases',
+        command='hard_cases',
         description='Run mechanisms through their singular positions and judge the error. '
         'Exit code: 0 if all cases passed, 1 if a case failed, 2 if the request cannot be run.',
     )

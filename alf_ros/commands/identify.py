@@ -24,7 +24,7 @@ from alf_ros.studies.identification.recorded_names import Topics
 def main(argv: Sequence[str] | None = None) -> int:
     """Fit; returns 0, or 1 if the fit does not settle. Raises InputError, AlfError."""
     parser = Parser(
-        prog='identify',
+        command='identify',
         description='Fit numbers of a scene to recordings of its machine, and say how well the '
         'recordings determine them.',
     )
@@ -113,8 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         candidates(options.design, scene, options.fit, topics)
     folder = paths.named(options.output, '--output')
     check_folder(folder, scene, bool(options.design), '--output')
-    options_of = {'priors': '--prior', 'tangents': '--fit'}
-    with parser.naming(**options_of), ProgressBar('identify') as bar:
+    with parser.naming(priors='--prior'), ProgressBar('identify') as bar:
         found = identify(
             scene,
             options.recordings,

@@ -20,7 +20,7 @@ from alf_ros.logs.provenance import about
 def main(argv: Sequence[str] | None = None) -> int:
     """Import a file. Returns 0; raises InputError."""
     parser = Parser(
-        prog='import',
+        command='import',
         description='Write the mechanism of a URDF, xacro, SDF, MJCF or USD file. Everything that '
         'is not imported is listed at the head of the output, and on stderr.',
     )

@@ -21,7 +21,7 @@ from alf_ros.studies.statics.linearisation import linearise
 def main(argv: Sequence[str] | None = None) -> int:
     """Linearise one scene; returns 0. Raises InputError."""
     parser = Parser(
-        prog='linearise',
+        command='linearise',
         description='Compute the linear model of a scene about its position of rest, or about an '
         'instant of its motion, between named inputs and outputs.',
     )

@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Compute the loads of one motion; returns 0, or 1 if the actuators cannot make it. Raises
     InputError."""
     parser = Parser(
-        prog='loads',
+        command='loads',
         description='Compute the efforts of chosen actuators for the motion that the drives of a '
         'scene prescribe, with the reactions of all joints: inverse dynamics. With --limits, the '
         'fastest run of this motion as a path.',

@@ -20,7 +20,7 @@ from alf_ros.studies.statics.vibration_modes import VibrationModes, modes
 def main(argv: Sequence[str] | None = None) -> int:
     """List the modes of one scene; returns 0. Raises InputError."""
     parser = Parser(
-        prog='modes',
+        command='modes',
         description='List the lowest natural frequencies of a scene about its position of rest, '
         'with damping, and the shares of bodies and effects in their energy.',
     )

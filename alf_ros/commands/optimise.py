@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Optimise; returns 0, or 1 if the best search did not settle within its limits. Raises
     InputError, AlfError."""
     parser = Parser(
-        prog='optimise',
+        command='optimise',
         description='Find numbers of a scene that minimise a number of its motion, with exact '
         'gradients. The result is a scene and a report.',
     )

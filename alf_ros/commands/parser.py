@@ -15,14 +15,15 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises InputError, one line, for what it cannot read. Numbers are finite.
+    """Raises InputError, one line, for what it cannot read. Numbers are finite. Its help names the
+    command as its errors do: `alf_ros <command>`.
 
     A repeated option adds up if several values may follow it. An option of one value is given
     once: argparse would keep the last one without a word.
     """
 
-    def __init__(self, *args: Any, **settings: Any) -> None:
-        super().__init__(*args, **settings)
+    def __init__(self, command: str, **settings: Any) -> None:
+        super().__init__(prog=f'alf_ros {command}', **settings)
         self.register('type', float, _finite)
         for name in (None, 'store'):
             self.register('action', name, _Store)
@@ -91,9 +92,9 @@ def _finite(text: str) -> float:
     return found
 
 
-def of_log(prog: str, description: str) -> Parser:
+def of_log(command: str, description: str) -> Parser:
     """A parser with the argument LOG."""
-    parser = Parser(prog=prog, description=description)
+    parser = Parser(command, description=description)
     parser.add_argument('log', metavar='LOG', help='folder of a log, or one .mcap file')
     return parser
 

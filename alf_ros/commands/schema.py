@@ -16,7 +16,7 @@ from alf_ros.scene.json_schema import mechanism_schema, scene_schema, text
 def main(argv: Sequence[str] | None = None) -> int:
     """Write both schemas. Returns 0; raises InputError."""
     parser = Parser(
-        prog='schema',
+        command='schema',
         description='Write mechanism.json and scene.json, JSON schemas for editors, with all '
         'installed effects.',
     )

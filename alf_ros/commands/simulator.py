@@ -31,7 +31,7 @@ _PARAMETERS = {
 
 def _options(arguments: Sequence[str]) -> NodeOptions:
     parser = Parser(
-        prog='simulator',
+        command='simulator',
         description='Run a scene as the ROS 2 node `simulator`. Ctrl-C stops the node and closes '
         'the log.',
         epilog=EPILOG,

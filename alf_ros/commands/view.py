@@ -19,7 +19,7 @@ from alf_ros.ros.view.serve import serve
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
     parser = Parser(
-        prog='view',
+        command='view',
         description='Serve a web page that shows a running `simulator` and commands it. Only this '
         'machine can open the page. Ctrl-C ends the page, not the simulator.',
     )

@@ -28,7 +28,7 @@ ITERATIONS = (1, 2, 10)
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(
-        prog='work_precision',
+        command='work_precision',
         description='Measure processor time per simulated second against error. The reference is '
         'the exact motion if it is known, otherwise a converged run. If the command was stopped, '
         'run it again to continue.',

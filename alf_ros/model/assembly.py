@@ -291,8 +291,17 @@ def complete(
         raise AssemblyError(
             f'the given velocities contradict each other: {_worst(names, wrong, "m/s")}',
             key='initial.velocities',
+            expected=_fewer(model, len(rows)) if near is None else None,
         )
     return x
+
+
+def _fewer(model: Model, given: int) -> str | None:
+    """How many components of velocities determine the others, if more are given."""
+    freedoms = model.n - round(model.system.rank)
+    if given <= freedoms:
+        return None
+    return f'at most {freedoms} of these {given} components: as many as freedoms; the rest follows'
 
 
 def _finished(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> Floats:

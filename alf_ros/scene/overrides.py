@@ -113,28 +113,44 @@ def _value(text: str, source: str) -> Entry:
     return yaml_document.parse(f'value: {text}', source).mapping()['value']
 
 
-def number(scene: Scene, name: str) -> float:
-    """The number of this name in a scene. Raises InputError for an unknown name, and for a
-    value that is no number."""
+def number(scene: Scene, name: str, said: str = 'tangents') -> float:
+    """The number of this name in a scene. Raises InputError, about the argument `said`, for an
+    unknown name, and for a value that is no number."""
     root = scene.document.root
     parameters = root.mapping()['mechanism'].mapping().get('parameters')
-    node, place = root, _place(root, name, 'tangents')
-    for key in place:
-        if isinstance(node.value, tuple):
-            fields = {str(n): each for n, each in enumerate(node.value)}
-        else:
-            fields = node.mapping()
-        if key not in fields:
-            raise InputError('no such part', key=name, value=key, choices=fields)
-        node = fields[key]
+    node, place, key = root, _place(root, name, said), f'{said}.{name}'
+    for part in place:
+        node = _part(node, part, key)
     if isinstance(node.value, str):
         if 'drives' in place[:2] and _TIME.search(node.value):
             expected = 'a number, as a parameter that it names'
-            raise InputError('a function of time', key=name, value=node.value, expected=expected)
+            raise InputError('a function of time', key=key, value=node.value, expected=expected)
         return dataclasses.replace(node, path=name).number(read_parameters(parameters, {}))
     what = 'a list' if isinstance(node.value, tuple) else 'a mapping'
     first = next(_numbers(node, name, read_parameters(parameters, {})), None)
-    raise InputError('not one number', key=name, value=what, expected=first)
+    raise InputError('not one number', key=key, value=what, expected=first)
+
+
+def _part(node: Entry, part: str, key: str) -> Entry:
+    """A part of a value. Raises InputError, about `key`, if there is none of this name."""
+    if isinstance(node.value, tuple):
+        if _INDEX.fullmatch(part) and int(part) < len(node.value):
+            return node.value[int(part)]
+        raise _no_place(node.value, part, key)
+    if not isinstance(node.value, dict):
+        raise InputError('a single value has no parts', key=key, value=part)
+    if part not in node.value:
+        raise InputError('no such part', key=key, value=part, choices=node.value)
+    return node.value[part]
+
+
+def _no_place(items: tuple[Entry, ...], part: str, key: str) -> InputError:
+    """About a place that a list does not have; an axis has the place that is meant."""
+    axis = 'xyz'.find(part) if part else -1
+    expected = f'0 to {len(items) - 1}'
+    if 0 <= axis < len(items):
+        expected = f'{axis} for {part}'
+    return InputError('no such place in a list', key=key, value=part, expected=expected)
 
 
 def _numbers(node: Entry, name: str, parameters: Mapping[str, float]) -> Iterator[str]:
@@ -267,8 +283,7 @@ def _replaced(node: Entry, place: Sequence[str], value: Entry, said: str) -> Ent
     key, *rest = place
     if isinstance(node.value, tuple):
         if not _INDEX.fullmatch(key) or int(key) >= len(node.value):
-            expected = f'0 to {len(node.value) - 1}'
-            raise InputError('no such place in a list', key=said, value=key, expected=expected)
+            raise _no_place(node.value, key, said)
         items = list(node.value)
         items[int(key)] = _replaced(items[int(key)], rest, value, said)
         return node.having(tuple(items))

@@ -6,13 +6,13 @@ import dataclasses
 import hashlib
 import json
 import math
-import os
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from alf_ros import paths
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
@@ -188,9 +188,7 @@ class SavedStates:
             return 'in memory'
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished = path.with_suffix('.unfinished')
-            unfinished.write_text(json.dumps(document) + '\n', 'utf-8')
-            os.replace(unfinished, path)
+            paths.put(path, json.dumps(document) + '\n')
         except OSError as error:
             text = f'in memory only: cannot be written: {error.strerror}'
             raise InputError(text, key='state.folder', value=str(path)) from None

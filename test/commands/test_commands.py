@@ -74,6 +74,16 @@ def test_help_lists_every_command_without_a_heavy_import():
         assert len(line.split()) > 3, 'every command has a line of help'
 
 
+@pytest.mark.parametrize('name', COMMANDS)
+def test_help_names_the_command_as_its_errors_do(name, capsys):
+    try:
+        assert program.main([name, '--help']) == 2
+        pytest.skip(capsys.readouterr().err)  # a library is missing
+    except SystemExit as end:
+        assert end.code == 0
+    assert capsys.readouterr().out.startswith(f'usage: alf_ros {name} [-h]')
+
+
 def test_no_command_is_a_usage_error(capsys):
     assert program.main([]) == 2
     assert 'usage:' in capsys.readouterr().err
@@ -164,7 +174,7 @@ def test_all_commands_have_one_parser():
     }
     assert made == {'commands/parser.py'}
     with pytest.raises(InputError, match=r'--no.*\(see --help\)'):
-        Parser(prog='try').parse_args(['--no'])
+        Parser('try').parse_args(['--no'])
 
 
 def test_numbers_are_expressions_by_name():
@@ -175,7 +185,7 @@ def test_numbers_are_expressions_by_name():
 
 
 def test_options_of_several_values_add_up() -> None:
-    parser = Parser(prog='try')
+    parser = Parser('try')
     parser.add_argument('--by', nargs='+', default=[1], type=int)
     assert parser.parse_args([]).by == [1]
     assert parser.parse_args(['--by', '2', '3', '--by', '4']).by == [2, 3, 4]

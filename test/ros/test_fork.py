@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from alf_ros import Simulation, load_scene
+from alf_ros import InputError, Simulation, load_scene
 from alf_ros.__main__ import main
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
 from alf_ros.logs.rerun import in_order, read_state
 from alf_ros.ros.recording.recorder import Split
 from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.scene import overrides
 from alf_ros.scene.effect_values import with_effect_values
 from alf_ros.simulation import setup as settings
 from support.log_files import Retold, make, push, rewritten
@@ -204,6 +205,35 @@ def test_another_geometry_is_closed_and_keeps_its_momentum(tmp_path):
     turned = np.abs(child.states.qd[0] - log.states.qd[75]).max()
     assert 0.0 < turned < 0.5 * np.abs(log.states.qd[75]).max()
     assert compare(child).equal
+
+
+def test_initial_velocities_that_contradict_each_other_with_a_change_do_not_matter(
+    tmp_path, capsys
+):
+    """They are of the run from its start. The new log has none, and can be verified and forked."""
+    drawn = load_scene('slider_crank')
+    start = Simulation(drawn).sample().velocities
+    speeds = {name: start[name].tolist() for name in ('A', 'B')}
+    changes = {'initial.velocities': json.dumps(speeds)}
+    (tmp_path / 'scene.yaml').write_text(overrides.with_changes(drawn, changes).text, 'utf-8')
+    path, _ = make(tmp_path, tmp_path / 'scene.yaml', 100)
+    length = 'mechanism.points.A.at=[0.5,0.8]'
+    with pytest.raises(InputError, match='expected at most 1 of these 4 components: as many'):
+        Simulation(
+            overrides.with_changes(load_scene(tmp_path / 'scene.yaml'), overrides.read([length]))
+        )
+    capsys.readouterr()
+    child = forked(load(path.parent), tmp_path, '--at', '0.1', '--set', length)
+    said = capsys.readouterr().err
+    assert said.count('\n') == 1 and 'without initial.velocities in the scene' in said
+    assert '(x given) is off by' in said
+    assert not child.scene().velocities and np.abs(child.states.qd[0]).max() > 0.1
+    assert child.info['parent']['changes'] == {'mechanism.points.A.at': '[0.5,0.8]'}
+    assert compare(child).equal
+    again = forked(child, tmp_path / 'again', '--at', '0.15', '--set', 'm=1.5')
+    assert compare(again).equal
+    kept = forked(load(path.parent), tmp_path / 'kept', '--at', '0.1', '--set', 'm=1.5')
+    assert kept.scene().velocities
 
 
 def test_an_angle_that_is_moved_over_half_a_turn_goes_on(tmp_path):

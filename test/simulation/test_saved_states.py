@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from alf_ros import AlfError, InputError, Simulation
 from alf_ros.effects.contract.trajectory import through
 from alf_ros.simulation.saved_states import SavedStates, as_data, from_data
+from support.full_disk import small_files
 from support.runs import bits, made
 
 NAME = 'there'
@@ -43,6 +44,21 @@ def test_a_saved_state_is_read_to_the_last_bit(folder: Path, sim: Simulation) ->
     state, step, q = SavedStates(folder).find(NAME, sim.scene, sim.state)
     assert bits(state) == bits(sim.state) and step == sim.h
     assert q == sim.sample().q.tolist()
+
+
+@pytest.mark.parametrize('there', [False, True], ids=['first', 'again'])
+def test_a_state_that_finds_the_disk_full_is_whole_or_not_there(
+    folder: Path, sim: Simulation, there: bool
+) -> None:
+    place, saved = file(folder, sim), SavedStates(folder)
+    before = place.read_bytes()
+    if not there:
+        place.unlink()
+    with small_files(64), pytest.raises(InputError, match=r'in memory only: .*too large'):
+        saved.save(NAME, sim.scene, sim)
+    assert list(place.parent.iterdir()) == ([place] if there else [])
+    assert not there or place.read_bytes() == before
+    assert bits(saved.find(NAME, sim.scene, sim.state)[0]) == bits(sim.state)
 
 
 Change = Callable[[dict[str, Any]], Any]

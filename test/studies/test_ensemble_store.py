@@ -31,6 +31,7 @@ from support.ensemble_kills import (
     undisturbed,
 )
 from support.full_disk import small_files
+from support.read_only import read_only
 
 MANIFEST = '.alf_ros/manifest.json'
 
@@ -227,6 +228,88 @@ def test_a_report_that_finds_the_disk_full_is_whole_or_not_there(short, tmp_path
     assert not there or report.read_text('utf-8') == before
     assert short('--store', 'run.zarr') == 0
     assert report.read_text('utf-8').endswith('</html>\n')
+
+
+def test_a_finished_store_that_can_only_be_read_is_shown(short, tmp_path, capsys):
+    folder, store = tmp_path / 'disk', tmp_path / 'disk' / 'run.zarr'
+    folder.mkdir()
+    assert short('--store', str(store)) == 0
+    printed = capsys.readouterr().out
+    before = contents(store)
+    with read_only(folder):
+        assert short('--store', str(store)) == 0
+        out, err = capsys.readouterr()
+        assert out == printed.replace(' and run.html', '')
+        assert err.splitlines()[-1].startswith('no report: --store: ')
+        assert err.endswith('; --report FILE writes it elsewhere\n')
+        assert short('--store', str(store), '--report', 'here.html') == 0
+        assert capsys.readouterr().out == printed.replace('run.html', 'here.html')
+        assert short('--store', str(store), '--report', str(folder / 'there.html')) == 2
+        assert 'alf_ros ensemble: --report: ' in capsys.readouterr().err
+    assert contents(store) == before
+    assert (tmp_path / 'here.html').read_text('utf-8').count('final_energy') > 0
+
+
+def test_the_dataset_of_a_store_that_can_only_be_read(tmp_path):
+    folder = tmp_path / 'disk'
+    folder.mkdir()
+
+    def found() -> Any:
+        settings: dict[str, Any] = {'members': 1, 'duration': 0.01, 'workers': 0}
+        vary = {'m': {'uniform': [0.9, 1.1]}}
+        return alf_ros.ensemble('slider_crank', vary, store=folder / 's', **settings).load()
+
+    before = found()
+    with read_only(folder):
+        assert found().identical(before)
+
+
+@pytest.mark.parametrize('there', [False, True], ids=['none', 'some'])
+def test_an_unfinished_store_that_can_only_be_read_is_one_line(
+    whole, tmp_path, capsys, monkeypatch, there
+):
+    file, study, _, _ = whole
+    folder, store = tmp_path / 'disk', tmp_path / 'disk' / 'run.zarr'
+    folder.mkdir()
+    if there:
+        with EnsembleStore(store, study) as opened:
+            for number in range(2):
+                opened.put(run_chunk(study, number))
+    monkeypatch.chdir(tmp_path)
+    with read_only(folder):
+        assert main(['ensemble', str(file), '--store', str(store), '--workers', '0']) == 2
+        with pytest.raises(InputError, match='^store: cannot be written: '):
+            conduct(study, store, ThisProcess())
+    out, err = capsys.readouterr()
+    assert err.startswith('alf_ros ensemble: --store: cannot be written: ')
+    assert err.count('\n') == 1 and not out
+
+
+def test_another_study_than_that_of_a_store_that_can_only_be_read_is_refused(whole, tmp_path):
+    file, study, _, _ = whole
+    folder = tmp_path / 'disk'
+    conduct(study, folder / 'run.zarr', ThisProcess())
+    other = load_study(file, members=22)
+    with read_only(folder), pytest.raises(InputError, match='the store of another study'):
+        conduct(other, folder / 'run.zarr', ThisProcess())
+
+
+def test_a_chosen_report_leaves_other_files_as_they_are(short, tmp_path, capsys):
+    (tmp_path / 'keep.html').write_text('years of work')
+    for chosen, said in (
+        (
+            'keep.html',
+            "--report: not the report of this store, and left as it is, got 'keep.html'",
+        ),
+        ('no/r.html', "--report: no such folder, got 'no'"),
+    ):
+        assert short('--store', 'run', '--report', chosen) == 2
+        assert said in capsys.readouterr().err and not (tmp_path / 'run').exists()
+    for _ in range(2):
+        assert short('--store', 'run', '--report', 'r.html') == 0
+    assert not (tmp_path / 'run.html').exists() and (tmp_path / 'r.html').is_file()
+    assert short('--log', '0', '--report', 'r.html') == 2
+    assert '--report: has no meaning with --log' in capsys.readouterr().err
 
 
 def test_a_chunk_on_which_workers_die_ends_the_study_in_one_line(tmp_path):

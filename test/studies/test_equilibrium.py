@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -15,8 +17,12 @@ from alf_ros import (
     load_scene,
     modes,
 )
+from alf_ros.effects.contract.trajectory import through
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.statics import descent, newton_rest
+from alf_ros.studies.statics.instant import angles
+from alf_ros.studies.statics.positions_of_rest import beginning
+from alf_ros.studies.statics.turned_starts import counting, turned_starts
 from support.some_scenes import LONG
 from support.statics_scenes import (
     GRAVITY,
@@ -146,6 +152,56 @@ def test_a_rotor_makes_no_other_positions() -> None:
     assert [round(float(each.points['P1'][1]), 6) for each in found] == [-1.0]
 
 
+def test_a_torsion_spring_rests_turns_away() -> None:
+    """k (θ - θ₀) + ½ m g L cos θ = 0 has roots in several turns of a soft spring."""
+    drawn, k = np.arctan2(-1.0, 0.1), 0.3
+    torque, rate = 0.5 * 9.81 * np.hypot(1.0, 0.1), 1e-3
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [0.1, -1]}},
+                'bodies': {'bar': {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod'}},
+                'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'}},
+            },
+            'effects': {**GRAVITY, 'torsion_spring': {'joint': 'pin', 'stiffness': k}},
+        }
+    )
+
+    def force(angle: float) -> float:
+        return float(k * (angle - drawn) + torque * np.cos(angle))
+
+    grid = np.arange(drawn - 2.5 * np.pi, drawn + 2.5 * np.pi, rate)
+    expected = [
+        brentq(force, low, high, xtol=1e-13)
+        for low, high in zip(grid[:-1], grid[1:], strict=True)
+        if force(low) < 0.0 < force(high)
+    ]
+    for starts in (0, 4):
+        found = equilibria(scene, starts=starts)
+        stable = sorted(e.joints['pin'].position for e in found if e.stability == 'stable')
+        np.testing.assert_allclose(stable, expected, atol=1e-10)
+    assert len(expected) == 3
+
+
+def test_turns_of_a_loop_belong_together() -> None:
+    """The crank comes round, with its loop; the rocker cannot."""
+    springs = {name: {'joint': name, 'stiffness': 0.1} for name in ('crank_pin', 'rocker_pin')}
+    effects = {**GRAVITY, 'torsion_spring': springs}
+    _, start = beginning(load_scene({'mechanism': 'four_bar', 'effects': effects}), None)
+    which = counting(start)
+    assert which.sum() == 2 < which.size
+    before = angles(start.model, start.q, start.turns)[0]
+    turned = turned_starts(start, which)
+    assert len(turned) == 2
+    for each, sense in zip(turned, (1.0, -1.0), strict=True):
+        after = angles(start.model, each.q, each.turns)[0]
+        turns = np.where(np.arange(before.size) == np.flatnonzero(which)[0], sense, 0.0)
+        np.testing.assert_allclose((after - before) / (2.0 * np.pi), turns, atol=0.05)
+    _, still = beginning(sprung('four_bar'), None)
+    assert not counting(still).any()
+
+
 def test_a_hanging_chain_has_the_zeros_of_laguerre() -> None:
     found = equilibrium(chain(8))
     zeros = np.polynomial.laguerre.lagroots([0.0] * 8 + [1.0])
@@ -219,6 +275,57 @@ def test_drives_are_frozen_at_the_instant_asked_for() -> None:
     np.testing.assert_allclose(found.points['B'], elbow - [0.0, 0.8], atol=1e-12)
     assert found.stiffness[0] == pytest.approx(1.5 * 9.81 / 0.8, rel=1e-11)
     assert found.t == 1.0 and 'drives are frozen at t = 1 s' in found.notes
+
+
+READS_TIME = """
+from dataclasses import dataclass, field
+import math
+from alf_ros.effects import contract
+from alf_ros.effects.contract.scalars import Measures, push
+
+MULTIPLE = True
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'coordinate', 'doc': 'joint'})
+
+def pack(effects, layout):
+    measures = Measures(layout)
+    for effect in effects:
+        measures.add_coordinate(effect.parameters.joint)
+        measures.give([])
+    return measures.packed()
+
+@contract.force
+def force(t, q, qd, near, slots, params, Q):
+    for n in range(slots[1]):
+        push(q, slots, params, n, math.sin(t), Q)
+"""
+
+
+def test_what_reads_time_says_the_instant(tmp_path: Path) -> None:
+    """Tables, motors that follow them, effects of users, and held inputs; not a steady motor."""
+    (tmp_path / 'swaying.py').write_text(READS_TIME)
+    table = [[0.0, 0.0], [1.0, 1.0]]
+    loads = {
+        'user_table': {'push': {'joint': 'shoulder', 'table': table}},
+        'motor': {
+            'led': {'joint': 'elbow', 'position': table, 'position_gain': 50.0},
+            'still': {'joint': 'elbow', 'effort': 0.1},
+        },
+        str(tmp_path / 'swaying.py'): {'sway': {'joint': 'shoulder'}},
+    }
+    scene = load_scene({'mechanism': 'double_pendulum', 'effects': {**GRAVITY, **loads}})
+    note = 'user_table.push, motor.led, swaying.sway: read at t = 0.5 s, as a function of time'
+    found = equilibrium(scene, t=0.5)
+    assert note in found.notes and note in linearise(found).notes
+    moving = Simulation(scene)
+    moving.step(500)
+    assert note in linearise(moving).notes
+    held = Simulation(load_scene({'mechanism': 'double_pendulum', 'effects': GRAVITY}))
+    held.apply_effort('elbow', through([0.0, 1.0], [(0.0,), (2.0,)]))
+    notes = equilibrium(held, t=0.5).notes
+    assert 'the effort on elbow: read at t = 0.5 s, as a function of time' in notes
 
 
 def test_a_drive_that_accelerates_loads_nothing_at_rest() -> None:

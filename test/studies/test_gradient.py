@@ -283,6 +283,11 @@ def test_what_is_refused(robot: Scene) -> None:
         assert 'source: no run' in refused(source, OBSERVED[0], ['m'], duration=0.1)
     assert 'how long' in refused(simulation, OBSERVED[0], ['m'])
     assert 'no list of names' in refused(simulation, OBSERVED[0], 'm', duration=0.1)
+    for name, told in (
+        ('gravity.acceleration.y', 'by.gravity.acceleration.y: no such place in a list'),
+        ('solver.step', 'by: no tangent by a number of the solver'),
+    ):
+        assert refused(simulation, OBSERVED[0], [name], duration=0.1).startswith(told)
     made = gradient(robot, OBSERVED[0], ['m'], duration=0.01)
     assert made == gradient(simulation, OBSERVED[0], ['m'], duration=0.01)
     simulation.step(10)

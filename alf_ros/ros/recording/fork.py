@@ -48,10 +48,10 @@ def fork(
     """Continue a log from its last instant up to `at` (s), for `duration` (s) or to its end.
 
     `changes` are changes for `scene.overrides`. The inputs that the log has from there on act at
-    the same times. `warn` is called with a text if the steps are too long. Returns the folder of
-    the new log, made in `folder`. Raises InputError for an impossible request, StepError if a step
-    fails; the log is complete up to that step. A log whose inputs are not the ones of its motion
-    is refused.
+    the same times. `warn` is called with a text if the steps are too long, and if the scene of the
+    new log has no initial velocities. Returns the folder of the new log, made in `folder`. Raises
+    InputError for an impossible request, StepError if a step fails; the log is complete up to that
+    step. A log whose inputs are not the ones of its motion is refused.
     """
     if duration is not None:
         check.number(duration, '--duration', 0.0)
@@ -64,7 +64,7 @@ def fork(
     changed = {k.partition('.')[2] for k in changes if k.startswith('solver.')}
     state, scene = before.state, rerun.scene
     if changes:
-        state = _change(rerun, changes, changed)
+        state = _change(rerun, changes, changed, warn)
     simulation = rerun.simulation
     steps = steps_per_tick(1.0 / tick, simulation.h)
     rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
@@ -110,7 +110,12 @@ def fork(
     return run.recorder.folder
 
 
-def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> State:
+def _change(
+    rerun: Rerun,
+    changes: Mapping[str, str],
+    changed: set[str],
+    warn: Callable[[str], None],
+) -> State:
     """Let `rerun` continue with changes; returns the state in which the changed mechanism
     begins."""
     before = rerun.simulation
@@ -123,7 +128,21 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
     solver = dataclasses.asdict(before.solver)
     if own:
         solver = joined(solver, own)
-    after = Simulation(scene, **solver, ledger=before.ledger)
+    try:
+        after = Simulation(scene, **solver, ledger=before.ledger)
+    except AssemblyError as error:
+        if error.key != 'initial.velocities':
+            raise
+        # They are of the run from its start, and a fork begins in the state of the log.
+        at_rest = {'initial.velocities': '{}'}
+        if scene.branch is not None:  # which velocities begin on
+            at_rest['initial.branch'] = '~'
+        scene = overrides.with_changes(rerun.scene, {**changes, **at_rest})
+        after = Simulation(scene, **solver, ledger=before.ledger)
+        warn(
+            f'without initial.velocities in the scene of the new log: {error.message} (the new '
+            'log begins in the state of the old one)'
+        )
     start = before.state
     if start.loads.size != after.state.loads.size:  # other effects rub: nothing is known of them
         start = dataclasses.replace(start, loads=np.zeros_like(after.state.loads))

@@ -141,6 +141,8 @@ def conduct(
             finished.add(chunk.number)
         kept = done = sum(len(study.indices(number)) for number in finished)
         missing = [number for number in range(study.chunks) if number not in finished]
+        if missing:
+            keeper.begin()
         start = time.monotonic()
         watching(Progress(study.members, done, failed, kept, 0.0, statistics))
         for chunk in crew.chunks(study, missing) if missing else ():

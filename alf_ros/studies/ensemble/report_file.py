@@ -26,14 +26,28 @@ def beside(store: Path) -> Path:
         what = 'the name of a report' if place.name else 'not a folder of a store'
         raise InputError(what, key='--store', value=str(store), expected='such as run.zarr')
     report = place.with_name(f'{place.name.removesuffix(".zarr") or place.name}.html')
-    if os.path.lexists(report) and not _is_own(report, place):
+    _refuse_others(report, store, '--store', 'a store of another name')
+    return report
+
+
+def elsewhere(report: Path, store: Path) -> Path:
+    """A chosen file for the report of a store. Raises InputError if its folder is not there, or if
+    it is another file than the report of this store."""
+    if not report.parent.is_dir():
+        raise InputError('no such folder', key='--report', value=str(report.parent))
+    _refuse_others(report, store, '--report', 'another name')
+    return report
+
+
+def _refuse_others(report: Path, store: Path, option: str, expected: str) -> None:
+    """Raises InputError if another file than the report of a store is in its place."""
+    if os.path.lexists(report) and not _is_own(report, store):
         raise InputError(
             'not the report of this store, and left as it is',
-            key='--store',
+            key=option,
             value=str(report),
-            expected='a store of another name, or that file elsewhere',
+            expected=f'{expected}, or that file elsewhere',
         )
-    return report
 
 
 def _is_own(report: Path, store: Path) -> bool:

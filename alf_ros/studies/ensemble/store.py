@@ -19,7 +19,7 @@ import os
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -43,8 +43,11 @@ def versions() -> dict[str, str]:
 class EnsembleStore:
     """The store of a study in a folder, for one process at a time; use it in a `with` block.
 
+    An earlier store that cannot be written, as on a disk for reading only, can be read; `begin`
+    and `put` refuse it.
+
     Raises InputError for a folder that holds something else, the store of another study or of
-    other versions, one that another process uses, and if it cannot be written.
+    other versions, one that another process uses, and if a new one cannot be written.
     """
 
     def __init__(self, folder: str | Path, study: Study) -> None:
@@ -52,28 +55,46 @@ class EnsembleStore:
         self.study = study
         self._hidden = self.folder / HIDDEN
         self._variables = {variable.name: variable for variable in variables_of(study)}
-        self._lock: Any = None
+        self._held = contextlib.ExitStack()  # the lock
+        self._refusal: OSError | None = None
+
+    @property
+    def is_writable(self) -> bool:
+        """Whether chunks can be put."""
+        return self._refusal is None
 
     def __enter__(self) -> EnsembleStore:
-        manifest = self._hidden / 'manifest.json'
-        with self._writing():
-            if self.folder.exists() and not manifest.exists():
-                self._refuse_foreign()
-            (self._hidden / 'chunks').mkdir(parents=True, exist_ok=True)
-            self._lock = open(self._hidden / 'lock', 'w')
         try:
-            self._take()
-            if manifest.exists():
-                self._compare(manifest)
             with self._writing():
-                self._prepare(manifest)
+                self._open(self._hidden / 'manifest.json')
         except BaseException:
-            self._lock.close()
+            self._held.close()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._lock.close()
+        self._held.close()
+
+    def _open(self, manifest: Path) -> None:
+        if self.folder.exists() and not manifest.exists():
+            self._refuse_foreign()
+        try:
+            (self._hidden / 'chunks').mkdir(parents=True, exist_ok=True)
+            self._take(self._held.enter_context(open(self._hidden / 'lock', 'w')))
+            if manifest.exists():
+                self._compare(manifest)
+            self._prepare(manifest)
+        except OSError as error:
+            if not manifest.is_file():
+                raise
+            self._compare(manifest)
+            self._refusal = error
+
+    def begin(self) -> None:
+        """Chunks will be put. Raises InputError if the store cannot be written."""
+        with self._writing():
+            if self._refusal is not None:
+                raise self._refusal
 
     def _refuse_foreign(self) -> None:
         """A folder may be empty, or what a process left that was killed before its manifest."""
@@ -85,9 +106,9 @@ class EnsembleStore:
                 expected='a new folder',
             )
 
-    def _take(self) -> None:
+    def _take(self, lock: IO[str]) -> None:
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
                 'another process writes into this store', key='store', value=str(self.folder)
@@ -154,6 +175,7 @@ class EnsembleStore:
 
     def put(self, chunk: Chunk) -> None:
         """Keep a chunk: it counts when this returns. Raises InputError if it cannot be written."""
+        self.begin()
         with self._writing():
             digests = {}
             for name, variable in self._variables.items():
@@ -193,15 +215,8 @@ class EnsembleStore:
         return self.folder / variable.name / name
 
     def _put(self, path: Path, content: bytes) -> None:
-        """Write beside and rename: `path` holds the whole content, or what it held before."""
         path.parent.mkdir(exist_ok=True)
-        beside = self._hidden / f'{os.getpid()}.tmp'
-        try:
-            beside.write_bytes(content)
-            os.replace(beside, path)
-        finally:
-            with contextlib.suppress(OSError):
-                beside.unlink(missing_ok=True)
+        paths.put(path, content, self._hidden / f'{os.getpid()}.tmp')
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
@@ -220,6 +235,9 @@ class Memory:
 
     def __init__(self) -> None:
         self._chunks: dict[int, Chunk] = {}
+
+    def begin(self) -> None:
+        """Chunks will be put."""
 
     def put(self, chunk: Chunk) -> None:
         """Keep a chunk."""

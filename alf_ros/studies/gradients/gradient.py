@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alf_ros.errors import InputError
+from alf_ros.errors import InputError, argument_of
 from alf_ros.logs.input_faults import check_motion, checked_journal, shows_states
 from alf_ros.logs.log import Log, load
 from alf_ros.logs.rerun import Rerun
@@ -145,13 +145,11 @@ def _gradient(
     by: Sequence[str],
     every: int,
 ) -> Gradient:
-    try:
+    with argument_of('by', 'tangents'):
         names = checked_names(by)
         if not names:
             raise InputError('by no number', key='by', expected='names of numbers of the scene')
         run = TapedRun(simulation, names)
-    except InputError as error:
-        raise error.about(str(error.key).replace('tangents', 'by')) from None
     fold, number, unit = _objective(of, simulation.sample(), run.displaced)
     samples = _sampled(run, number, simulation, stretches, every)
     values = np.array(list(samples.values()))

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
+from alf_ros.errors import InputError, argument_of
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import is_number
@@ -45,25 +44,11 @@ class Shared:
 
 def names_to_fit(fit: object) -> tuple[str, ...]:
     """Names of numbers of a scene, each once. Raises InputError."""
-    with _of_fit():
+    with argument_of('fit', 'tangents'):
         names = checked_names(fit)
     if not names:
         raise InputError('nothing to fit', key='fit', expected="['coupler.mass', …]")
     return names
-
-
-@contextmanager
-def _of_fit() -> Iterator[None]:
-    """Errors about tangents are about the names to fit."""
-    try:
-        yield
-    except InputError as error:
-        raise error.about(str(error.key).replace('tangents', 'fit')) from None
-
-
-def _begin(scene: Scene, name: str) -> float:
-    with _of_fit():
-        return overrides.number(scene, name)
 
 
 def shared_numbers(
@@ -85,7 +70,7 @@ def shared_numbers(
             if name not in all_:
                 raise InputError('is not fitted', key=what, value=name, choices=all_)
             _check_pair(what, name, pair)
-    begin = [_begin(scene, name) for name in names] + [0.0] * delay
+    begin = [overrides.number(scene, name, 'fit') for name in names] + [0.0] * delay
     together = {name: repr(value) for name, value in zip(names, begin, strict=False)}
     overrides.with_changes(scene, together, 'fit ')  # refuses two names of one number
     lower, upper = np.full(len(all_), -np.inf), np.full(len(all_), np.inf)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
-from alf_ros.errors import InputError
+from alf_ros.errors import InputError, argument_of
 from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
@@ -76,7 +76,8 @@ class WindowRuns:
                     choices=self._joints,
                 )
         # with tangents, so that its equations have the form of all runs
-        self.reference = Simulation(scene, **self._settings, tangents=self.names)
+        with argument_of('fit', 'tangents'):
+            self.reference = Simulation(scene, **self._settings, tangents=self.names)
         self.h = self.reference.h
         self._measured = sorted({self._joints.index(each.joint) for each in self.channels})
         self._known: dict[tuple[int, bool], tuple[tuple[float, ...], list[Simulation]]] = {}
@@ -109,7 +110,7 @@ class WindowRuns:
             if directions and not alone:
                 tangents = [*self.names, *tangents]
             last = self._known[kind][1][0] if kind in self._known else self.reference
-            with form_of(self.reference.model.layout.asked):
+            with argument_of('fit', 'tangents'), form_of(self.reference.model.layout.asked):
                 made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
             self._known[kind] = key, [made]
         crew = self._known[kind][1]

@@ -34,6 +34,7 @@ from alf_ros.simulation.state import State
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
 from alf_ros.studies.statics.descent import moved
 from alf_ros.studies.statics.difference_slopes import slope_at_zero
+from alf_ros.studies.statics.frozen_time import read_at, standing_still
 from alf_ros.studies.statics.instant import Instant, Loads, forces
 from alf_ros.studies.statics.linear_model import LinearModel
 from alf_ros.studies.statics.named_inputs import NamedInput, named_inputs
@@ -41,7 +42,6 @@ from alf_ros.studies.statics.positions_of_rest import (
     Equilibrium,
     equilibrium,
     in_order,
-    standing_still,
 )
 
 # of a typical length, and of it a second: stiff contacts are micrometres deep
@@ -85,6 +85,7 @@ def linearise(
     notes = ['the loads of friction are held'] if rubbing.size else []
     if not isinstance(about, Simulation):
         notes += standing_still(instant.model, t)
+    notes += read_at(instant)
     if instant.is_kinked:
         notes.append('a force has a kink here: the model holds on one side of it')
     kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -26,10 +27,12 @@ from alf_ros.simulation.sample import JointState, Reaction, Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended, moved
-from alf_ros.studies.statics.instant import DENSE, Instant, Loads, counted
+from alf_ros.studies.statics.frozen_time import read_at, standing_still
+from alf_ros.studies.statics.instant import DENSE, Chosen, Instant, Loads, angles, counted
 from alf_ros.studies.statics.newton_rest import nearest_rest
 from alf_ros.studies.statics.rest_at_kink import ON_ONE_SIDE, UNDECIDED, with_both_sides
 from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stability_of
+from alf_ros.studies.statics.turned_starts import counting, turned_starts
 
 _SAME = 1e-6  # of the size, between positions that count as one
 # of the acceleration without rows, from which down a singular position is looked for
@@ -72,7 +75,7 @@ class Equilibrium:
 
     @property
     def t(self) -> float:
-        """The instant at which drives are frozen, s."""
+        """The instant at which drives, motors and tables are frozen, s."""
         return self.sample.t
 
     @property
@@ -117,10 +120,10 @@ def equilibrium(
     """Where a scene rests under its effects, from where it starts; or a simulation, from its
     present, under its effects and held inputs.
 
-    t (s): the instant at which drives and signals are frozen; the present of a simulation, 0 of a
-    scene if absent. The search goes down the potential, so that it ends in a stable or neutral
-    position, unless it starts in another one. With `nearest` it goes to a near position of rest of
-    any kind, by Newton's method; where this ends without rest, down the potential.
+    t (s): the instant at which drives, motors and tables are frozen; the present of a simulation,
+    0 of a scene if absent. The search goes down the potential, so that it ends in a stable or
+    neutral position, unless it starts in another one. With `nearest` it goes to a near position of
+    rest of any kind, by Newton's method; where this ends without rest, down the potential.
 
     Raises InputError if none is found, or loads without a potential do not settle; AssemblyError
     if the mechanism cannot be closed.
@@ -139,27 +142,30 @@ def equilibria(
     """The positions of rest found from the start and from so many random positions (`seed`), down
     the potential and to the nearest one: stable ones first, then by energy.
 
-    It is a search: more starts may find more. Raises as `equilibrium` if none is found.
+    Where forces count turns, as torsion springs do, it also searches from the start a turn later
+    and earlier about each such angle, and from random positions there; positions a turn apart are
+    two. It is a search: more starts may find more. Raises as `equilibrium` if none is found.
     """
     simulation, start = beginning(scene, t)
     model, random = simulation.model, np.random.default_rng(whole(seed, 'seed', 0))
     found: list[Equilibrium] = []
     refused: InputError | None = None
-    for turn in range(whole(starts, 'starts', 0) + 1):
-        begin = start
-        if turn:
-            away = 0.5 * model.size * random.standard_normal(model.n)
-            try:
-                begin = moved(start, away)  # gears stay in mesh
-            except AssemblyError:
-                continue
+    count, which = whole(starts, 'starts', 0), counting(start)
+    turned = turned_starts(start, which)
+    begins = [start, *turned]
+    for k in range(count):
+        away = 0.5 * model.size * random.standard_normal(model.n)
+        for base in [start, *turned[k % max(len(turned), 1) :][:1]]:
+            with suppress(AssemblyError):
+                begins.append(moved(base, away))  # gears stay in mesh
+    for begin in begins:
         for search in (descended, nearest_rest):
             try:
                 each = found_at(simulation, search(begin))
             except InputError as error:
                 refused = refused or error
                 continue
-            if not any(_is_same(model.size, each, other) for other in found):
+            if not any(_is_same(model.size, which, each, other) for other in found):
                 found.append(each)
     if not found:
         raise refused or InputError('no position of rest was found', key='starts', value=starts)
@@ -167,9 +173,14 @@ def equilibria(
     return tuple(sorted(found, key=lambda e: (order.get(e.stability, 2), e.sample.energy)))
 
 
-def _is_same(size: float, one: Equilibrium, other: Equilibrium) -> bool:
-    apart = without_rotors(one.sample.model.layout, one.state.q - other.state.q)
-    return bool(np.abs(apart).max(initial=0.0) <= _SAME * size)
+def _is_same(size: float, which: Chosen, one: Equilibrium, other: Equilibrium) -> bool:
+    """Whether two are one; `which` (angles,) count turns."""
+    model = one.sample.model
+    apart = without_rotors(model.layout, one.state.q - other.state.q)
+    if np.abs(apart).max(initial=0.0) > _SAME * size:
+        return False
+    counts = [angles(model, each.state.q, each.state.turns)[0][which] for each in (one, other)]
+    return bool((np.abs(counts[0] - counts[1]) < math.pi).all())
 
 
 def beginning(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, Instant]:
@@ -196,12 +207,12 @@ def _driven(simulation: Simulation, start: float, end: float) -> tuple[Floats, I
     if not model.mechanism.prescribed:
         return q, turns
     rates = np.zeros((2, q.size))
-    angles = partial(driven_angles, model.layout, model.system)
+    driven = partial(driven_angles, model.layout, model.system)
     while abs(end - now) > 0.0:
         step = math.copysign(min(abs(step), abs(end - now)), end - start)
         there = np.array(q)
         prescribe(model.system, now + step, there, *rates)
-        apart = np.append(there - q, model.layout.length * (angles(now + step) - angles(now)))
+        apart = np.append(there - q, model.layout.length * (driven(now + step) - driven(now)))
         if np.abs(apart).max() > _DRIVEN * model.size and abs(step) > 1e-9 * abs(end - start):
             step *= 0.5
             continue
@@ -259,6 +270,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         if sides:
             notes.append(sides)
     notes += standing_still(model, instant.t)
+    notes += read_at(instant)
     if told.stiffness.size and model.system.rows.velocity:
         if instant.position_directions.shape[1] > told.stiffness.size:
             notes.append('rows bind velocities only: other positions of rest lie all around')
@@ -275,15 +287,6 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes=tuple(notes),
         steps=landing.steps,
     )
-
-
-def standing_still(model: Model, t: float) -> list[str]:
-    """Notes about what moves as a function of time and stands still at rest, at t (s)."""
-    found = [f'drives are frozen at t = {t:g} s'] if model.mechanism.drives else []
-    names = ', '.join(joint.name for joint in model.mechanism.joints if joint.motion)
-    if names:
-        found.append(f'{names}: what moves there as a function of time stands still')
-    return found
 
 
 def _uncertainty(instant: Instant, told: RestStability) -> float:
