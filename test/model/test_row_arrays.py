@@ -8,7 +8,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from alf_ros import InputError, load_scene, resources
+from alf_ros import InputError, kernel, load_scene, resources
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Mass, Rows
 from alf_ros.mechanism import affine
@@ -37,6 +37,23 @@ def test_renumbered_is_made_in_that_order(scene: str) -> None:
     same(model.system.rows, rows)
     assert np.argsort(order).tolist() == model.row.tolist()
     same(model.system.mass, mass_of(model.layout))
+
+
+@pytest.mark.parametrize('scene', SCENES)
+def test_gradients_are_products_with_whole_matrices(scene: str) -> None:
+    model = model_of(scene)
+    rows, D = model.system.rows, model.layout.dimension
+    T = rows.term.reshape(-1, D, D)
+    multiples = (T == T[:, :1, :1] * np.eye(D)).all(axis=(1, 2))
+    np.testing.assert_array_equal(rows.full == 0, multiples if D == 3 else multiples & False)
+    q = np.random.default_rng(1).normal(size=model.q.shape)
+    wanted = rows.b.reshape(-1, D).copy()
+    for e in range(rows.block.size):
+        for s in range(int(rows.first_term[e]), int(rows.first_term[e + 1])):
+            wanted[e] += T[s] @ q.reshape(-1, D)[rows.term_block[s]]
+    g, g2 = np.zeros(rows.i.size * D), np.zeros(wanted.size)
+    kernel.jacobian(model.unit, rows, q, g, g2)
+    np.testing.assert_allclose(g2, wanted.ravel(), rtol=0.0, atol=1e-14 * np.abs(T).max(initial=1))
 
 
 @pytest.mark.parametrize('velocities', [True, False])

@@ -72,7 +72,7 @@ def parts_of(rows: Sequence[Constraint]) -> tuple[RowStructure, RowNumbers]:
 
 
 def _full(T: Sequence[Floats]) -> list[bool]:
-    """`full` of matrices T. In the plane they turn, so that T = c I would be a matter of numbers."""
+    """`full` of matrices T. In the plane T turns, and numbers would decide whether T = c I."""
     if not T or len(T[0]) == 2:
         return [True] * len(T)
     products = np.array(T)
