@@ -47,7 +47,7 @@ SHIPPED = {  # below the folder of example-robot-data; whether its base moves
     'talos_data/robots/talos_left_arm.urdf': False,
     'talos_data/robots/talos_reduced.urdf': True,
 }
-TOLERANCES = [10.0**-k for k in range(4, 12)]
+TOLERANCES = [10.0**-k for k in range(2, 12)]
 STEPS = [4e-2 / 2**k for k in range(11)]
 WANTED, ROUNDS = 1e-6, 3
 NOTHING = 1e-5  # kg: stands for no mass in some files

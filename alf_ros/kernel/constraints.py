@@ -37,7 +37,7 @@ def _terms(unit: Unit, rows: Rows, e: np.uint64, q: Floats) -> Block:
 
 @inlined
 def _times_term(unit: Unit, rows: Rows, s: np.uint64, b: Block) -> Block:
-    """T b, of term s. That of T = c I has the bits of the product with the whole matrix."""
+    """T b, of term s. With T = c I the product has the bits of the whole one."""
     D = np.uint64(len(unit))
     if D != TWO and rows.full[s] == 0:
         return rows.term[s * D * D] * b
