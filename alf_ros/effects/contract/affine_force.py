@@ -82,10 +82,11 @@ def force(
     for n in range(slots[2]):
         at = 3 + slots[1] + 2 * n
         b, m, K = slots[at] * D, slots[at + 1] * D, (slots[1] + n * D) * D
+        x, y, z = q[m], q[m + 1], q[m + D - 1]
         for a in each(0, D):
-            a = np.int64(a)
-            total = Q[b + a]
-            for c in each(0, D):
-                c = np.int64(c)
-                total = plus_product(total, params[K + a * D + c], q[m + c])
-            Q[b + a] = total
+            row = K + np.int64(a) * D
+            total = plus_product(Q[b + np.int64(a)], params[row], x)
+            total = plus_product(total, params[row + 1], y)
+            if D == 3:
+                total = plus_product(total, params[row + 2], z)
+            Q[b + np.int64(a)] = total
