@@ -49,7 +49,8 @@ _READ = {
 # by element of a link or a joint the attributes that it has
 _ATTRIBUTES = {
     'link': ('name',),
-    'joint': ('name', 'type'),
+    # Isaac keeps the link of a fixed joint with `dont_collapse`, which moves nothing
+    'joint': ('name', 'type', 'dont_collapse'),
     'inertial': (),
     'mass': ('value',),
     'inertia': ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'),

@@ -383,6 +383,11 @@ def test_joints_that_drake_and_bullet_read(kind: str, tmp_path: Path) -> None:
     assert simulation.model.n - simulation.model.system.rank == (2 if kind == 'universal' else 3)
 
 
+def test_a_fixed_link_that_isaac_keeps_moves_nothing(tmp_path: Path) -> None:
+    text = URDF.replace('MORE', '').replace('type="fixed"', 'type="fixed" dont_collapse="true"')
+    assert 'unknown attributes' not in imported(saved(tmp_path, 'it.urdf', text), scene=True)
+
+
 PARAM = '<param name="initial_value">{}</param>'
 CONTROL = f"""<ros2_control><joint name="p"><state_interface name="position">
 {PARAM}</state_interface></joint></ros2_control>"""
