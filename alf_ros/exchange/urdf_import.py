@@ -26,6 +26,7 @@ from alf_ros.exchange import (
     urdf_visuals,
     xml_file,
 )
+from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import GROUND, STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.exchange.sdf_values import numbers
 from alf_ros.exchange.urdf_motions import TreeMotion
@@ -48,7 +49,8 @@ _READ = {
 # by element of a link or a joint the attributes that it has
 _ATTRIBUTES = {
     'link': ('name',),
-    'joint': ('name', 'type'),
+    # Isaac keeps the link of a fixed joint with `dont_collapse`, which moves nothing
+    'joint': ('name', 'type', 'dont_collapse'),
     'inertial': (),
     'mass': ('value',),
     'inertia': ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'),
@@ -92,6 +94,7 @@ class UrdfReader:
         self.file = str(path)
         self.xml, self.urdf, kinds, absent = _parsed(path, arguments, types or {})
         self._balls = urdf_joint_types.balls(kinds)
+        self._endless = urdf_joint_types.slides(kinds)
         self._follows = follows
         self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
         for kind, name in absent:
@@ -356,7 +359,7 @@ class UrdfReader:
                 if getattr(joint, kind, None) is not None:
                     self.robot.leave(kind, joint.name)
             limit = joint.limit
-            if limit is None and joint.type in _LIMITED:
+            if limit is None and joint.type in _LIMITED and joint.name not in self._endless:
                 self.robot.leave('limits: there are none', joint.name)
             if limit is not None and limit.velocity:
                 self.robot.leave('limits of velocity', joint.name)
@@ -397,9 +400,13 @@ def _parsed(
     xml = xml_file.root_of(path, arguments)
     if xml.tag != 'robot':
         raise InputError('not a URDF', file=str(path), value=xml.tag, expected='<robot>')
+    urdf_joint_types.rename(xml)
     kinds, absent = urdf_joint_types.stated(xml), list[tuple[str, str]]()
     for joint in xml.findall('joint'):
-        if joint.get('name') in kinds and any(map(joint.findall, ('dynamics', 'limit'))):
+        kind = kinds.get(joint.get('name', ''))
+        if kind == urdf_joint_types.PLANAR:
+            urdf_numbers.checked(joint, path)  # with the line
+        if kind is not None and _loses(joint, kind):
             absent.append((_NONE_HERE, joint.get('name', '')))
     kinds |= types
     xml = urdf_joint_types.changed(xml, kinds, str(path)) if kinds else xml
@@ -430,6 +437,14 @@ def _parsed(
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
     return xml, robot, kinds, absent
+
+
+def _loses(joint: ElementTree.Element, kind: str) -> bool:
+    """Whether a row that stands for a joint lacks something that acts on the joint."""
+    if kind != urdf_joint_types.PLANAR:
+        return any(map(joint.findall, ('dynamics', 'limit')))
+    rubs = any(decimal(each.get('friction', '0')) for each in joint.findall('dynamics'))
+    return rubs or joint.find('limit') is not None
 
 
 def _lacks_world(xml: ElementTree.Element) -> bool:

@@ -18,6 +18,7 @@ from alf_ros.exchange import mjcf_force_ranges
 from alf_ros.exchange.general_actuator import GeneralActuator
 from alf_ros.exchange.mjcf_force_ranges import Driving
 from alf_ros.exchange.robot import Actuator, Robot
+from alf_ros.exchange.usd_dynamics import drive_name
 from alf_ros.exchange.usd_joints import UsdJoint
 from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage
@@ -171,7 +172,7 @@ def _add_pd(stage: UsdStage, robot: Robot, prim: Any, joint: UsdJoint | None) ->
         raise stage.error(str(prim.GetPath()), 'kp and kd are not negative')
     most = stage.number(prim, 'newton:maxEffort', np.inf, endless=True)
     turns = joint.kind == 'revolute'
-    prefix = f'drive:{"angular" if turns else "linear"}:physics:target'
+    prefix = f'drive:{drive_name(joint)}:physics:target'
     unit = math.radians(1.0) if turns else 1.0
     place, speed = (
         unit * stage.number(joint.prim, prefix + key) for key in ('Position', 'Velocity')

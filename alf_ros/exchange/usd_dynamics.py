@@ -20,10 +20,10 @@ from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage
 
 _ROUNDED = 1e-5  # of a quantity: the same number in several attributes, with seven digits
-_SHORT = {
+_TYPED = {
     'revolute': 'angular',
     'prismatic': 'linear',
-}  # names of drives where a joint has one axis
+}  # drives of the joints that are typed so; general ones have those of their freedoms
 
 
 def limits(stage: UsdStage, scene: UsdScene, joint: UsdJoint) -> tuple[float, float] | None:
@@ -106,12 +106,18 @@ def add_actuators(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
             continue
         if drive in (*SLIDES, *TURNS) and drive not in joint.free and _is_general(joint):
             continue  # it is locked, or another part of a chain has it
-        if not joint.degree or drive not in (joint.degree, _SHORT[joint.kind]):
+        if not joint.degree or drive != drive_name(joint):
             robot.leave('actuators', f'{joint.name} ({drive})')
         elif _kind(stage, joint, drive) == 'acceleration':
             robot.leave('actuators', f'{joint.name} (it sets accelerations)')
         else:
             robot.actuators.append(_drive(stage, robot, joint, drive))
+
+
+def drive_name(joint: UsdJoint) -> str:
+    """The drive that acts on a joint with one coordinate, by the specification and in PhysX: one
+    of another name, such as `rotY` of a revolute joint about y, exerts no force."""
+    return joint.degree if _is_general(joint) else _TYPED[joint.kind]
 
 
 def _is_general(joint: UsdJoint) -> bool:

@@ -126,6 +126,14 @@ def _declared(text: bytes) -> bytes:
     return text[: root.end()] + more + text[root.end() :]
 
 
+def beside(element: ElementTree.Element, attributes: dict[str, str]) -> ElementTree.Element:
+    """A new element of the same kind and place in the file, so that errors name the line."""
+    made = PlacedElement(element.tag, attributes)
+    if isinstance(element, PlacedElement):
+        made.file, made.line = element.file, element.line
+    return made
+
+
 def place_of(element: ElementTree.Element | None, file: str) -> dict[str, Any]:
     """File and line of an InputError about an element; `file` alone if it is of no file."""
     if not isinstance(element, PlacedElement):

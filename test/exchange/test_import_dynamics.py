@@ -258,3 +258,53 @@ def test_mistakes(change: tuple[str, str], message: str, tmp_path: Path) -> None
     assert change[0] in source
     with pytest.raises(InputError, match=message):
         imported(saved(tmp_path, 'it.urdf', source.replace(*change)))
+
+
+PLANE = """<robot name="r"><link name="base"/><link name="b"><inertial><origin xyz="0 0 -0.2"/>
+<mass value="2"/><inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial>
+</link><joint name="j" type="planar"><parent link="base"/><child link="b"/>
+<origin rpy="0.5 0 0"/><axis xyz="2 0 0"/><dynamics damping="3 8 0.4"/></joint></robot>"""
+
+
+def test_the_three_dampings_of_a_planar_joint(tmp_path: Path) -> None:
+    """Drake has them along the plane's x and y, which are -z and y for the axis x, and about it.
+    The centre of mass is 0.2 m beside the axis, in the plane's x."""
+    text = imported(saved(tmp_path, 'it.urdf', PLANE), scene=True)
+    assert 'Changes of the motion' not in text
+    simulation = simulate(text)
+    pull = 9.81 * np.array([math.cos(0.5), -math.sin(0.5)])
+
+    def rate(_: float, y: Floats) -> Floats:
+        along, across = 2.0 * 0.2 * math.cos(y[2]), 2.0 * 0.2 * math.sin(y[2])
+        masses = [(2.0, 0.0, -across), (0.0, 2.0, along), (-across, along, 0.05 + 2.0 * 0.2**2)]
+        forces = np.array([2.0 * pull[0], 2.0 * pull[1], along * pull[1] - across * pull[0]])
+        forces += y[5] ** 2 * np.array([along, across, 0.0]) - np.array([3.0, 8.0, 0.4]) * y[3:]
+        return np.concatenate([y[3:], np.linalg.solve(masses, forces)])
+
+    found = solve_ivp(rate, (0.0, 0.3), np.zeros(6), 'DOP853', rtol=1e-12, atol=1e-13)
+    simulation.step(300)
+    joints = simulation.sample().joints
+    ours = [joints[f'j_{axis}'].position for axis in 'XYZ']
+    assert ours == pytest.approx(found.y[:3, -1], abs=1e-9)
+
+
+def test_what_a_planar_joint_with_dampings_lacks(tmp_path: Path) -> None:
+    """No damping at all; friction, which is listed; an axis against z; and mistakes."""
+    text = imported(saved(tmp_path, 'it.urdf', PLANE.replace('3 8 0.4', '0 0 0')), scene=True)
+    assert 'Changes of the motion' not in text and 'joint_friction' not in text
+    for old, new in (('"3 8', '"3 8 0.4" friction="1'), ('<dyn', '<limit effort="0"/><dyn')):
+        text = PLANE.replace(' 0.4"', '"') if 'friction' in new else PLANE
+        text = imported(saved(tmp_path, 'it.urdf', text.replace(old, new)), scene=True)
+        assert 'springs, armature: these joints have none: j' in text
+    text = imported(saved(tmp_path, 'it.urdf', PLANE.replace('2 0 0', '0 0 -2')), scene=True)
+    assert 'Changes of the motion' not in text
+    for old, new, message in (
+        ('3 8 0.4', '3 8', ":4: joint j: dynamics damping: the wrong number of values, got '3 8'"),
+        ('3 8 0.4', '3 x 8', ':4: joint j: dynamics damping: not numbers'),
+        ('3 8 0.4', '3 -8 1', ':3: j_Y'),
+        ('2 0 0', '0 0 0', ':3: j_X: zero is no direction'),
+        ('planar', 'revolute', ':4: joint j: dynamics damping: the wrong number of values'),
+    ):
+        with pytest.raises(InputError) as caught:
+            imported(saved(tmp_path, 'it.urdf', PLANE.replace(old, new)), scene=True)
+        assert message in str(caught.value)

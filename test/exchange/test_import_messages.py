@@ -374,10 +374,18 @@ def test_joints_that_drake_and_bullet_read(kind: str, tmp_path: Path) -> None:
     text = URDF.replace('MORE', '').replace('continuous', kind)
     text = text.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><dynamics damping="1"/>')
     found = imported(saved(tmp_path, 'it.urdf', text), scene=True)
+    of_drake = text.replace('<joint name="p"', '<drake:joint name="p"')
+    of_drake = of_drake.replace('</joint>', '</drake:joint>', 1)
+    assert found == imported(saved(tmp_path, 'it.urdf', of_drake), scene=True)
     assert ('p: {type: spherical, between: [ground, a]' in found) == (kind != 'universal')
     assert 'springs, armature: these joints have none: p' in found
     simulation = Simulation(scene_from_text(found))
     assert simulation.model.n - simulation.model.system.rank == (2 if kind == 'universal' else 3)
+
+
+def test_a_fixed_link_that_isaac_keeps_moves_nothing(tmp_path: Path) -> None:
+    text = URDF.replace('MORE', '').replace('type="fixed"', 'type="fixed" dont_collapse="true"')
+    assert 'unknown attributes' not in imported(saved(tmp_path, 'it.urdf', text), scene=True)
 
 
 PARAM = '<param name="initial_value">{}</param>'

@@ -230,6 +230,27 @@ def test_a_drive(metre: float, tmp_path: Path) -> None:
     assert simulation.sample().joints['pin'].position == pytest.approx(found.y[0, -1], abs=1e-7)
 
 
+@pytest.mark.parametrize('kind', ['Revolute', 'Prismatic', ''])
+def test_drives_of_another_name_exert_no_force(kind: str, tmp_path: Path) -> None:
+    """A revolute joint has the drive `angular`, a prismatic one `linear`, a general joint the
+    name of its freedom: others would add to it."""
+    short, slides = {'Revolute': 'angular', 'Prismatic': 'linear'}.get(kind, 'rotY'), 'transY'
+    other = slides if kind == 'Prismatic' else 'angular' if kind == '' else 'rotY'
+    lines = [*drive(short, stiffness=2.0), *drive(other, stiffness=3.0)]
+    schemas = f'Drive:{short} Drive:{other}'
+    if kind:
+        pin = joint(kind, 'pin', PIN, usd.axis('Y'), *lines, schemas=schemas)
+    else:
+        names = ''.join(f', "PhysicsDriveAPI:{each}"' for each in (short, other))
+        pin = d6('rotY', 'pin').replace(']', f'{names}]', 1)
+        pin = pin.replace('rel physics:body1', '\n'.join([*lines, 'rel physics:body1']))
+    text = made(tmp_path, stage(body('b', FULL), pin), scene=True)
+    assert f'they apply no force: pin ({other})' in text
+    (motor,) = (e.parameters for e in scene_from_text(text).effects if e.kind == 'motor')
+    gain = 2.0 if kind == 'Prismatic' else math.degrees(2.0)
+    assert motor.position_gain == pytest.approx(gain, rel=1e-15)
+
+
 def test_the_order_of_ends(tmp_path: Path) -> None:
     """The coordinate is the angle of body 1 against body 0, also if body 1 is the world."""
     found = []
