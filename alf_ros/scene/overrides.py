@@ -1,6 +1,6 @@
 """A scene with some of its values changed by name, as a command line says them.
 
-`coupler.mass=1.1` is a field of a body, joint, point, vector, effect or the solver of
+`coupler.mass=1.1` is a field of a body, joint, point, vector, coupling, effect or the solver of
 that name, of several things the one that has the field; `L=1.2` a parameter of the mechanism;
 `drives.crane.angle=0.1*t` a motion, of the scene or of the mechanism. Anything can be said in
 full, as the scene's text has it: `mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`.
@@ -29,7 +29,7 @@ _NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints 
 _INDEX = re.compile('0|[1-9][0-9]*')  # one spelling: a place has one name
 _TIME = re.compile(r'\bt\b')
 _RIVALS = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
-_PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
+_PARTS = ('bodies', 'joints', 'points', 'vectors', 'couplings', 'parameters')
 
 
 def read(assignments: Sequence[str], option: str = '--set') -> dict[str, str]:

@@ -68,6 +68,33 @@ def test_names_that_are_proposed_exist(name: str, said: str) -> None:
         overrides.with_changes(scene_from_text(ROBOT), {name: '1'})
 
 
+def test_a_coupling_has_a_short_name() -> None:
+    """In changes, ensembles and tangents."""
+    scene, name = scene_from_text(ROBOT), 'belt.joints.shoulder'
+    full = f'mechanism.couplings.{name}'
+    changed = overrides.with_changes(scene, {name: '0.75'})
+    assert changed.text == overrides.with_changes(scene, {full: '0.75'}).text
+    found = alf_ros.ensemble(
+        scene,
+        {name: [0.4, 0.75]},
+        sampling='table',
+        workers=0,
+        duration=0.1,
+        outputs={'elbow': 'final(elbow.position)'},
+    )
+    assert len(set(found.elbow.values)) == 2
+    both = []
+    for each in (name, full):
+        simulation = Simulation(scene, tangents=[each])
+        simulation.step(20)
+        both.append(simulation.sample().tangents[each].joints['elbow'].position)
+    assert both[0] == both[1] != 0.0
+    with pytest.raises(InputError, match="'mechanism.couplings.belt'"):
+        overrides.with_changes(scene, {f'couplings.{name}': '1'})
+    with pytest.raises(InputError, match='known: belt.joints.shoulder, belt.joints.elbow'):
+        overrides.number(scene, 'belt')
+
+
 def test_a_drive_of_a_scene() -> None:
     name = 'drives.motor.angle'
     scene = overrides.with_changes(load_scene('wiper'), {name: '-pi/2 + 3*t'})
