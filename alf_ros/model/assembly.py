@@ -214,7 +214,11 @@ class _Mesh:
 def _mesh(model: Model, given: list[Row], teeth: bool = True) -> _Mesh | None:
     """The correction that keeps teeth in mesh while the given rows are unchanged, or all that has
     an integral; None without any."""
-    found = integrals(model.layout, teeth)
+    return _mesh_of(model, given, integrals(model.layout, teeth))
+
+
+def _mesh_of(model: Model, given: list[Row], found: tuple[Integral, ...]) -> _Mesh | None:
+    """The correction of these integrals while the given rows are unchanged; None without any."""
     if not found:
         return None
     system, names, _ = hold(model, [replace(row, c=0.0) for row in given], velocities=True)
@@ -227,13 +231,20 @@ def _mesh(model: Model, given: list[Row], teeth: bool = True) -> _Mesh | None:
     return _Mesh(found, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
 
 
-def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floats) -> Floats:
-    """Move work.q to where no tooth has slipped since `before`, or as far as that goes; returns by
-    how much each row stays open, m, then each joint with teeth."""
+def _in_mesh(
+    model: Model,
+    system: System,
+    work: Work,
+    mesh: _Mesh,
+    before: Floats,
+    off: Floats | float = 0.0,
+) -> Floats:
+    """Move work.q to where no tooth has slipped since `before`, where each was `off` (m) already,
+    or as far as that goes; returns by how much each row stays open, m, then each of the mesh."""
     moving = allocate(model, mesh.system, 1)
     gap, D = _gaps(model, system, work), model.layout.dimension
     for _ in range(20):
-        slip = slips(mesh.integrals, D, before, work.q)
+        slip = off + slips(mesh.integrals, D, before, work.q)
         if np.abs(slip).max() <= 1e-13 * model.size:
             break
         moving.q[:] = work.q
@@ -244,7 +255,7 @@ def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floa
         kernel.augmented(model.unit, mesh.system, moving, moving.p, x, TO_ROUNDING)
         work.q[: model.n] += x[: model.n]
         gap = _settle(model, system, work, 1e-13)
-    slip = slips(mesh.integrals, D, before, work.q)
+    slip = off + slips(mesh.integrals, D, before, work.q)
     return np.concatenate([gap, np.abs(slip)])
 
 
@@ -366,16 +377,29 @@ def opening(model: Model, q: Floats, qd: Floats) -> float:
     return float(np.max(np.abs(rate) * model.system.rows.scale, initial=0.0))
 
 
-def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats, Floats]:
+def brought_back(
+    model: Model, q: Floats, qd: Floats, t: float, off: Mapping[str, float]
+) -> tuple[Floats, Floats]:
     """Positions and velocities (blocks D, m, m/s) near these that satisfy the constraints at t.
 
-    Along M: the velocities are those after an impulse of the constraints, M q̇ + Φ_qᵀ y = p with
-    p = M q̇ of the ones given. Raises AssemblyError with the constraints that stay open.
+    off: by how much the sums of some couplings miss their values at q, m, by name; they are met.
+    Gears and others that have an integral mesh where they come to lie. Along M: the velocities are
+    those after an impulse of the constraints, M q̇ + Φ_qᵀ y = p with p = M q̇ of the ones given.
+    Raises AssemblyError with the constraints that stay open.
     """
     system, work, p = model.system, allocate(model, model.system, 1), np.zeros(model.n)
     work.q[:] = q
     prescribe(system, t, work.q, work.qd, work.qdd)
-    work.q[:] = q = close(model, {}, work.q)
+    work.q[:] = close(model, {}, work.q)
+    found = tuple(each for each in integrals(model.layout) if each.name in off)
+    mesh = _mesh_of(model, [], found)
+    if mesh is not None:
+        # at q, where loops are open, the coordinates are not yet what they become
+        loops, names, _ = hold(model, [], velocities=False)
+        missed = np.array([off[each.name] for each in found])
+        gap = _in_mesh(model, loops, work, mesh, q, missed)
+        _check(model, work, [*names, *mesh.names], gap, CLOSED)
+    q = np.array(work.q)
     _linearised(model, system, work)
     kernel.add_mass_times(model.unit, system.mass, 1.0, qd, p)
     x = np.array(work.qd)

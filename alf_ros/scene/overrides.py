@@ -1,9 +1,9 @@
 """A scene with some of its values changed by name, as a command line says them.
 
-`coupler.mass=1.1` is a field of a body, joint, point, vector, effect or the solver of that name;
-`L=1.2` a parameter of the mechanism; `drives.crane.angle=0.1*t` a motion, of the scene or of the
-mechanism. Anything can be said in full, as the scene's text has it:
-`mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`.
+`coupler.mass=1.1` is a field of a body, joint, point, vector, coupling, effect or the solver of
+that name, of several things the one that has the field; `L=1.2` a parameter of the mechanism;
+`drives.crane.angle=0.1*t` a motion, of the scene or of the mechanism. Anything can be said in
+full, as the scene's text has it: `mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints 
 _INDEX = re.compile('0|[1-9][0-9]*')  # one spelling: a place has one name
 _TIME = re.compile(r'\bt\b')
 _RIVALS = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
-_PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
+_PARTS = ('bodies', 'joints', 'points', 'vectors', 'couplings', 'parameters')
 
 
 def read(assignments: Sequence[str], option: str = '--set') -> dict[str, str]:
@@ -204,12 +204,54 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
         if first == 'drives' and known:
             value = '.'.join((first, *rest[:1]))
             raise InputError('no such drive', key=said, value=value, choices=known)
+        if first in _PARTS and rest and rest[0] in places:
+            known, places = ['.'.join(('mechanism', first, rest[0]))], {}
         choices = [f'drives.{first}'] if first in drives else [*places, *known]
         raise InputError('nothing of this name', key=said, value=first, choices=choices)
     if len(found) > 1:
-        ways = ' or '.join('.'.join((*place, *rest)) for place in found)
-        raise InputError('several things of this name', key=said, value=first, expected=ways)
+        found = _that_have(root, found, rest, said, name)
     return (*found[0], *rest)
+
+
+def _that_have(
+    root: Entry, found: list[tuple[str, ...]], rest: Sequence[str], said: str, name: str
+) -> list[tuple[str, ...]]:
+    """The one of several places of a name that has the rest of it. Raises InputError.
+
+    A field that the scene gives comes before the defaults of effects.
+    """
+    having = [place for place in found if _node(root, (*place, *rest)) is not None]
+    having = having or [place for place in found if _is_default(place, rest)]
+    if len(having) == 1:
+        return having
+    if having:
+        ways = ' or '.join('.'.join((*place, *rest)) for place in having)
+        raise InputError('several things of this name', key=said, value=name, expected=ways)
+    parameters = read_parameters(root.mapping()['mechanism'].mapping().get('parameters'), {})
+    known = []
+    for place in found:
+        node = _node(root, place)
+        known += list(_numbers(node, '.'.join(place), parameters)) if node is not None else []
+    raise InputError('nothing of this name has that', key=said, value=name, choices=known)
+
+
+def _node(root: Entry, place: Sequence[str]) -> Entry | None:
+    """The part of a scene at a place, if it has one."""
+    node = root
+    try:
+        for part in place:
+            node = _part(node, part, '')
+    except InputError:
+        return None
+    return node
+
+
+def _is_default(place: tuple[str, ...], rest: Sequence[str]) -> bool:
+    """Whether an effect of the package has this field, whatever the scene says about it."""
+    if place[0] != 'effects' or place[1] not in effects.own():
+        return False
+    fields = dataclasses.fields(effects.load(place[1]).Parameters)
+    return rest[0] in {field.name for field in fields}
 
 
 def _numbers_of_parts(root: Entry, name: str) -> list[str]:

@@ -25,6 +25,9 @@ class NamedValues(Mapping[str, T], Generic[T]):
     def __len__(self) -> int:
         return len(self._names)
 
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, (dict(self),)
 

@@ -207,6 +207,79 @@ def test_another_geometry_is_closed_and_keeps_its_momentum(tmp_path):
     assert compare(child).equal
 
 
+COUPLED = """
+mechanism:
+  alf: 1
+  points:
+    O: {at: [0, 0], fixed: true}
+    C: {at: [0.3, 0], fixed: true}
+    E: {at: [0.6, 0], fixed: true}
+    A: {at: [0.05, 0.09]}
+    B: {at: [0.25, 0.24]}
+    F: {at: [0.6, 0.1]}
+    P: {at: [0.28, 0.12]}
+    Q: {at: [0.4, 0.12]}
+  bodies:
+    crank: {points: [O, A], mass: 0.1, inertia: rod}
+    coupler: {points: [A, B], mass: 0.2, inertia: rod}
+    rocker: {points: [C, B], mass: 0.2, inertia: rod}
+    arm: {points: [E, F], mass: 0.2, inertia: rod}
+    slide: {points: [P, Q], mass: 0.1, inertia: rod}
+  joints:
+    pin: {type: revolute, between: [ground, crank], at: O}
+    knee: {type: revolute, between: [crank, coupler], at: A}
+    wrist: {type: revolute, between: [coupler, rocker], at: B}
+    foot: {type: revolute, between: [ground, rocker], at: C}
+    elbow: {type: revolute, between: [ground, arm], at: E}
+    rail: {type: prismatic, between: [rocker, slide], at: P, axis: [0.05, 0.24]}
+  couplings:
+    belt: {joints: {elbow: 1, pin: 0.5}}
+    cam: {joints: {rail: 1, foot: -0.1}}
+effects: {gravity: {acceleration: [0, -9.81]}}
+initial: {velocities: {A: [-2.7, 1.5]}}
+solver: {step: 5.0e-4, integrator: rk4}
+"""
+
+
+@pytest.fixture(scope='module')
+def coupled(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('coupled')
+    (folder / 'scene.yaml').write_text(COUPLED, 'utf-8')
+    path, _ = make(folder, folder / 'scene.yaml', 200)
+    return load(path.parent)
+
+
+@pytest.mark.parametrize(
+    ('at', 'change', 'lever'),
+    [
+        ('0.05', 'B.at.0=0.26', -0.1),
+        ('0.35', 'B.at.0=0.26', -0.1),  # after turns of the crank
+        ('0.35', 'C.at=[0.31, 0.01]', -0.1),
+        ('0.35', 'mechanism.couplings.cam.joints.foot=-0.15', -0.15),
+    ],
+)
+def test_couplings_keep_their_drawn_value_where_a_length_changes(
+    coupled, tmp_path, at, change, lever
+):
+    child = forked(coupled, tmp_path, '--at', at, '--set', change, '--duration', '0.04')
+    joints = child.read('joint_states')
+    x = dict(zip(joints.names, joints.columns['position'].T, strict=True))
+    drawn = Simulation(child.scene()).sample().joints
+    for one, factor, other in (('elbow', 0.5, 'pin'), ('rail', lever, 'foot')):
+        value = drawn[one].position + factor * drawn[other].position
+        assert np.abs(x[one] + factor * x[other] - value).max() < 1e-10
+    assert np.ptp(x['pin']) > 0.1
+    assert compare(child).equal
+
+
+def test_a_coupling_that_would_have_to_leap_is_refused_in_one_line(coupled, tmp_path, capsys):
+    belt = 'mechanism.couplings.belt.joints.pin=1.5'
+    options = ['--at', '0.35', '--set', belt, '-o', str(tmp_path / 'fork')]
+    assert main(['fork', str(coupled.path), *options]) != 0
+    said = capsys.readouterr().err.splitlines()
+    assert 'from this instant, ' in said[-1] and 'belt' in said[-1]
+
+
 def test_initial_velocities_that_contradict_each_other_with_a_change_do_not_matter(
     tmp_path, capsys
 ):

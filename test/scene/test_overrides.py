@@ -8,8 +8,91 @@ import pytest
 import alf_ros
 from alf_ros import InputError, Simulation, load_scene
 from alf_ros.scene import overrides
+from alf_ros.scene.scene import scene_from_text
 
 TABLE = '{joint: motor_shaft, angle: {table: [[0, -1.5708], [1, 0], [2, 1]]}}'
+
+# effects with the names of their joints, as imported robots have them
+ROBOT = """
+mechanism:
+  alf: 1
+  points:
+    O: {at: [0, 0], fixed: true}
+    A: {at: [0.5, 0]}
+    E: {at: [1, 0], fixed: true}
+    F: {at: [1, 0.4]}
+  bodies:
+    upper: {points: [O, A], mass: 1, inertia: rod}
+    lower: {points: [E, F], mass: 1, inertia: rod}
+  joints:
+    shoulder: {type: revolute, between: [ground, upper], at: O}
+    elbow: {type: revolute, between: [ground, lower], at: E}
+  couplings: {belt: {joints: {shoulder: 0.5, elbow: -1}}}
+effects:
+  gravity: {acceleration: [0, -9.81]}
+  joint_friction: {shoulder: {joint: shoulder, viscous: 0.1}}
+  torsion_spring: {shoulder: {joint: shoulder, stiffness: 2.0}}
+  joint_stop: {shoulder: {joint: shoulder, lower: -2, upper: 2, stiffness: 300}}
+"""
+
+
+@pytest.mark.parametrize(
+    ('name', 'place'),
+    [
+        ('shoulder.viscous', 'effects.joint_friction.shoulder.viscous'),
+        ('shoulder.upper', 'effects.joint_stop.shoulder.upper'),
+        ('shoulder.dynamic', 'effects.joint_friction.shoulder.dynamic'),  # by default 0
+    ],
+)
+def test_a_short_name_is_of_the_one_thing_that_has_it(name: str, place: str) -> None:
+    scene = scene_from_text(ROBOT)
+    changed = overrides.with_changes(scene, {name: '0.25'})
+    assert overrides.number(changed, place) == 0.25
+    assert changed.text == overrides.with_changes(scene, {place: '0.25'}).text
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [
+        (
+            'shoulder.stiffness',
+            'several things of this name, .*expected effects.torsion_spring.shoulder.stiffness or '
+            'effects.joint_stop.shoulder.stiffness$',
+        ),
+        ('shoulder.viscus', "did you mean 'effects.joint_friction.shoulder.viscous'"),
+        ('joints.shoulder.at', "known: mechanism.joints.shoulder$|mean 'mechanism.joints.should"),
+    ],
+)
+def test_names_that_are_proposed_exist(name: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        overrides.with_changes(scene_from_text(ROBOT), {name: '1'})
+
+
+def test_a_coupling_has_a_short_name() -> None:
+    """In changes, ensembles and tangents."""
+    scene, name = scene_from_text(ROBOT), 'belt.joints.shoulder'
+    full = f'mechanism.couplings.{name}'
+    changed = overrides.with_changes(scene, {name: '0.75'})
+    assert changed.text == overrides.with_changes(scene, {full: '0.75'}).text
+    found = alf_ros.ensemble(
+        scene,
+        {name: [0.4, 0.75]},
+        sampling='table',
+        workers=0,
+        duration=0.1,
+        outputs={'elbow': 'final(elbow.position)'},
+    )
+    assert len(set(found.elbow.values)) == 2
+    both = []
+    for each in (name, full):
+        simulation = Simulation(scene, tangents=[each])
+        simulation.step(20)
+        both.append(simulation.sample().tangents[each].joints['elbow'].position)
+    assert both[0] == both[1] != 0.0
+    with pytest.raises(InputError, match="'mechanism.couplings.belt'"):
+        overrides.with_changes(scene, {f'couplings.{name}': '1'})
+    with pytest.raises(InputError, match='known: belt.joints.shoulder, belt.joints.elbow'):
+        overrides.number(scene, 'belt')
 
 
 def test_a_drive_of_a_scene() -> None:

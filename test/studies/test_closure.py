@@ -60,6 +60,13 @@ FIVE_BAR: dict[str, Any] = {
 }
 
 
+def test_a_posture_and_its_joints_print_what_they_hold() -> None:
+    found = Closure(SLIDER_CRANK, active=['pin']).close({'pin': 0.5})
+    text = repr(found)
+    assert text.startswith('<Posture of 3 joint coordinates, closed to ') and '0x' not in text
+    assert repr(found.joints) == repr(dict(found.joints)) != '{}'
+
+
 def stroke(angle: Any) -> Any:
     """The place of the slider (m) at a crank angle (rad)."""
     return R * np.cos(angle) + np.sqrt(L**2 - (R * np.sin(angle)) ** 2)

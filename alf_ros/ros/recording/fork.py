@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros import kernel
-from alf_ros.arrays import Floats
+from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.logs.input_faults import check_motion, shows_states
 from alf_ros.logs.log import Log
@@ -26,6 +26,7 @@ from alf_ros.scene.effect_values import effect_values
 from alf_ros.scene.scene import PICKED, Scene, joined
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation import state_vector
+from alf_ros.simulation.integral_sums import couplings_off, with_couplings_of
 from alf_ros.simulation.observables import READINGS
 from alf_ros.simulation.setup import Setup, on_grid, steps_per_tick
 from alf_ros.simulation.simulation import Simulation
@@ -156,22 +157,40 @@ def _change(
     if after.state.carried.size and scene.mechanism != rerun.scene.mechanism:
         text = f'{after.solver.formulation} cannot continue with another mechanism'
         raise InputError(text, key='--set')
-    state = state_vector.state(after.model, after.state, numbers, rates, start.inputs)
+    first = after.state
+    state = state_vector.state(after.model, first, numbers, rates, start.inputs)
+    if scene.mechanism != rerun.scene.mechanism:
+        # what lies near half a turn may count another one as drawn now, and at this instant
+        begun = before._initial
+        first = first.moved(first.q, first.qd, _turns(before.model, begun, after.model, first.q))
+        turns = _turns(before.model, start, after.model, state.q)
+        if (turns != state.turns).any():
+            state = state.moved(state.q, state.qd, turns)
+        state = with_couplings_of(after.model, state, first)
     after.restore(on_grid(state, before.h, after.h))
     found, q, qd = after.sample().diagnostics, state.q, state.qd
     is_open = max(found.position_violation, found.velocity_violation) > _OPEN * after.model.size
     if is_open:
         try:
-            q, qd = assembly.brought_back(after.model, q, qd, after.t)
+            off = couplings_off(after.model, after.state)
+            q, qd = assembly.brought_back(after.model, q, qd, after.t, off)
         except AssemblyError as error:
             raise InputError(f'from this instant, {error.message}', key='--set') from None
-    # an angle near half a turn that is moved over it goes on, and does not begin a turn away
-    jumps = _angles(after.model, q, start) - _angles(before.model, start.q, start)
-    turns = start.turns - np.round(jumps / (2.0 * np.pi)).astype(np.int64)
-    if is_open or (turns != start.turns).any():
-        after.restore(after.state.moved(q, qd, turns))
+        # an angle near half a turn that is moved over it goes on, and does not begin a turn away
+        turns = _turns(before.model, start, after.model, q)
+        after.restore(with_couplings_of(after.model, after.state.moved(q, qd, turns), first))
+        for name, missed in couplings_off(after.model, after.state).items():
+            if abs(missed) > _OPEN * after.model.size:  # whole turns, which closing does not see
+                text = f'from this instant, coupling {name} is more than half a turn away'
+                raise InputError(text, key='--set')
     rerun.scene, rerun.simulation = scene, after
     return after.state
+
+
+def _turns(before: Model, start: State, after: Model, q: Floats) -> Integers:
+    """The turns of each angle at q (blocks D, m) of the changed mechanism."""
+    jumps = _angles(after, q, start) - _angles(before, start.q, start)
+    return np.asarray(start.turns - np.round(jumps / (2.0 * np.pi)).astype(np.int64))
 
 
 def _angles(model: Model, q: Floats, state: State) -> Floats:

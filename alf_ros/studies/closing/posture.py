@@ -44,6 +44,11 @@ class Posture(Kinematics):
         super().__init__(model, t, state, instruments)
         self._missed_by, self._ways = missed_by, ways
 
+    def __repr__(self) -> str:
+        count = len(self.model.coordinate_names)
+        ends = f'closed to {self.closed_to:.2g} m, missed by {self.missed_by:.2g}'
+        return f'<Posture of {count} joint coordinates, {ends}>'
+
     @property
     def missed_by(self) -> float:
         """By how much the active coordinate that is furthest off misses the value given, rad or m.
