@@ -8,8 +8,8 @@ A constant effort on each joint holds the weight there, and would turn the joint
 a second. There are neither friction nor limits. `dop853_adaptive` runs with tolerances and a grid
 of 0.1 s, MuJoCo's RK4 with steps. The error is the largest one of a joint (rad) at the end, of
 each against its own limit: here a tolerance of 1e-12, there M and the bias forces integrated by
-scipy to 1e-12. How far these limits are apart is printed. The cost is the time of the processor for
-a second at an error of 1e-6 rad, by interpolation. Writes trees.csv.
+scipy to 1e-12. How far these limits are apart is printed. The cost is the time of the processor
+for a second at an error of 1e-6 rad, by interpolation. Writes trees.csv.
 """
 
 from __future__ import annotations
