@@ -61,9 +61,11 @@ def checked(part: ElementTree.Element, path: Path) -> None:
             )
         for attribute, count in _COUNTS.get(element.tag, {}).items():
             given = element.get(attribute)
-            if attribute == 'damping' and part.get('type') == 'planar' and ' ' in (given or ''):
+            if given is None:
+                continue
+            if attribute == 'damping' and part.get('type') == 'planar' and len(given.split()) > 1:
                 count = 3  # one of each freedom, as Drake has it
-            message = None if given is None else _fault(given, count)
+            message = _fault(given, count)
             if message is not None:
                 raise InputError(
                     message,

@@ -298,6 +298,9 @@ def test_what_a_planar_joint_with_dampings_lacks(tmp_path: Path) -> None:
         assert 'springs, armature: these joints have none: j' in text
     text = imported(saved(tmp_path, 'it.urdf', PLANE.replace('2 0 0', '0 0 -2')), scene=True)
     assert 'Changes of the motion' not in text
+    one, spaced = (PLANE.replace('3 8 0.4', each) for each in ('0.4', ' 0.4 '))
+    texts = [imported(saved(tmp_path, 'it.urdf', each), scene=True) for each in (one, spaced)]
+    assert texts[0] == texts[1] and 'j_X' not in texts[0]
     for old, new, message in (
         ('3 8 0.4', '3 8', ":4: joint j: dynamics damping: the wrong number of values, got '3 8'"),
         ('3 8 0.4', '3 x 8', ':4: joint j: dynamics damping: not numbers'),
