@@ -155,6 +155,39 @@ def test_the_track_finds_the_start() -> None:
         assert np.abs(found.residuals).max() < 0.05
 
 
+def test_turns_of_rotors_are_no_free_numbers() -> None:
+    """Angles of a double pendulum tell where it is, whether its joints have rotors or not."""
+    motor = {
+        'a': {'joint': 'shoulder', 'armature': 0.2, 'effort': 1.0},
+        'b': {'joint': 'elbow', 'armature': 0.15},
+    }
+    for effects in ({}, {'motor': motor}):
+        scene = load_scene(
+            {
+                'mechanism': 'double_pendulum',
+                'effects': {'gravity': {'acceleration': [0, -9.81]}, **effects},
+            }
+        )
+        machine = Machine(scene, ('shoulder', 'elbow'), 0.3)
+        channels = machine.recording(velocities=True).channels
+        runs = WindowRuns(scene, ['upper.mass'], channels, delay=False)
+        (window,) = tracked(runs, machine, 0.3, margin=0.0)
+        chart = window.chart
+        assert chart is not None and chart.is_told
+        assert (chart.positions, chart.velocities) == (2, 2)
+        simulation = runs.simulation(np.ones(1), 4)
+        J = runs.misfit(simulation, window, chart.free, 0.0).jacobian
+        for k in range(4):
+            e = np.zeros(4)
+            e[k] = 1e-4
+            ends = [
+                runs.misfit(runs.simulation(np.ones(1)), window, chart.free + d, 0.0).residuals
+                for d in (e, -e)
+            ]
+            expected = (ends[0] - ends[1]) / 2e-4
+            assert np.abs(J[:, 1 + k] - expected).max() <= 1e-6 * np.abs(expected).max()
+
+
 def test_a_window_in_few_rows_is_the_same_problem() -> None:
     rng = np.random.default_rng(1)
     for rows in (50, 3):

@@ -125,7 +125,7 @@ class PostureTrack:
 
     def _untold(self, rows: DenseRows) -> Floats:
         """(n, directions) of the free motion that move no recorded joint."""
-        Y = rows.null_space(self._q, rows.binds)
+        Y, _ = rows.motions(self._q)
         return np.asarray(Y @ null_space(self._read(self._q).dx[0] @ Y, rcond=_UNTOLD))
 
     def _take(self, q: Floats, turns: Integers) -> None:

@@ -7,7 +7,8 @@ scene with any values of its numbers θ:
     Φ(q, θ) = 0,   Yᵀ M (q - q₀) = s      and      J q̇ = b,   Zᵀ M q̇ = ν
 
 so that its derivatives by θ, s and ν are solutions of linear equations, and exact. Y, Z and M are
-taken at q₀, and stay.
+taken at q₀, and stay. A geared rotor is bound by rates alone, but no force depends on how far it
+has turned: its turn is no free number, and stays that of q₀.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AssemblyError
 from alf_ros.model.compile import Model
+from alf_ros.model.constraints.rotors import rotor_blocks
 from alf_ros.model.dense_linearisation import DEPENDENT
 from alf_ros.model.prescribed import prescribe
 from alf_ros.simulation.tangent_following import Slopes
@@ -84,8 +86,19 @@ class DenseRows:
 
     def null_space(self, q: Floats, rows: Chosen) -> Floats:
         """(n, freedoms) of the movable blocks, orthonormal in the metric of M."""
-        n = self.model.n
-        _, s, Vt = np.linalg.svd(self.jacobian(q)[rows, :n])
+        return self._null_space(self.jacobian(q)[rows, : self.model.n])
+
+    def motions(self, q: Floats) -> tuple[Floats, Floats]:
+        """The null space of the rows that bind positions: (n, freedoms) with geared rotors that
+        stay, and (n, rotors) of their turns."""
+        J = self.jacobian(q)[self.binds, : self.model.n]
+        D = self.model.layout.dimension
+        turns = np.eye(self.model.n)[[D * block for block in rotor_blocks(self.model.layout)]]
+        masses = np.diag(turns @ (mass_matrix(self.model) @ turns.T))
+        return self._null_space(np.vstack([J, turns])), turns.T / np.sqrt(masses)
+
+    def _null_space(self, J: Floats) -> Floats:
+        _, s, Vt = np.linalg.svd(J)
         V = Vt[int((s > DEPENDENT * s.max(initial=1e-300)).sum()) :].T
         masses, turn = np.linalg.eigh(V.T @ (mass_matrix(self.model) @ V))
         least = self.model.system.mean * DEPENDENT
@@ -112,9 +125,13 @@ class StartChart:
         rows, n = DenseRows(model, t), model.n
         self.t, self.q, self.turns = t, q, turns
         M = mass_matrix(model)
-        Y = rows.null_space(q, rows.binds)
+        Y, turns_of_rotors = rows.motions(q)
         Z = rows.null_space(q, np.ones_like(rows.binds))
-        self._held, self._going = np.asarray((M @ Y).T), np.asarray((M @ Z).T)
+        self._rotors = turns_of_rotors.shape[1]
+        self._held, self._going = (
+            np.asarray((M @ np.hstack([Y, turns_of_rotors])).T),
+            np.asarray((M @ Z).T),
+        )
         self.positions, self.velocities = Y.shape[1], Z.shape[1]
         self.free = np.concatenate([np.zeros(self.positions), self._going @ qd[:n]])
         nothing = np.zeros((0, n))
@@ -132,6 +149,7 @@ class StartChart:
         there is no such state."""
         rows, n = DenseRows(model, self.t), model.n
         s, nu = free[: self.positions], free[self.positions :]
+        s = np.concatenate([s, np.zeros(self._rotors)])
         q, rates = rows.placed(self.q)
         gap = np.inf
         for _ in range(_MOST):
@@ -174,7 +192,7 @@ class StartChart:
             placed, going = each.placed(rows.model, rows.t)
             dq[k, n:], dqd[k, n:] = placed[n:], going[n:]
             dq[k, :n] = -position[:, :binding] @ opened[rows.binds]
-        dq[P : P + g, :n] = position[:, binding:].T
+        dq[P : P + g, :n] = position[:, binding : binding + g].T
         open_velocities = bent @ dq.T + widened + J[:, n:] @ dqd[:, n:].T
         dqd[:, :n] = -(velocity[:, : len(rows.binds)] @ open_velocities).T
         dqd[P + g :, :n] += velocity[:, len(rows.binds) :].T
