@@ -123,7 +123,7 @@ def changed(
 
 def _thread(joint: ElementTree.Element, pitch: float) -> Iterator[ElementTree.Element]:
     name = joint.get('name', '')
-    slide, between = f'{name}_slide', f'{name}_link'
+    slide, between = f'{name}_slide', f'{name}_slide_link'
     axis = joint.findall('axis')
     turns = xml_file.beside(joint, joint.attrib | {'type': 'continuous'})
     turns.extend(each for each in joint if each.tag != 'child' and not _is_pitch(each))
