@@ -95,8 +95,8 @@ def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
 
 
 def _hold(model: Any) -> None:
-    """Fix mocap bodies, which only a user moves, and what is fixed to them, to the world, as older
-    versions of MuJoCo did; newer ones count them as bodies that move."""
+    """Fix mocap bodies, which only a user moves, and the bodies fixed to them, to the world, as
+    older versions of MuJoCo did; newer ones count them as bodies that move."""
     moved_by_hand = np.flatnonzero(model.body_mocapid >= 0)
     model.body_weldid[np.isin(model.body_weldid, moved_by_hand)] = 0
 

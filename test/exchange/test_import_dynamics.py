@@ -315,7 +315,7 @@ def test_what_a_planar_joint_with_dampings_lacks(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('scene', [True, False])
 def test_dry_friction_is_listed(scene: bool, tmp_path: Path) -> None:
-    """Its law is not that of the source: a bar that 0.9 of it holds creeps at 0.02 rad/s."""
+    """It fades at low speed: a bar that 0.9 of it holds creeps at 0.02 rad/s."""
     held, bar = '<dynamics friction="2.18"/>', '<robot name="r"><link name="base"/><link name="b">'
     bar += '<inertial><origin xyz="0.2 0 0"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"'
     bar += ' ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">'
