@@ -66,7 +66,9 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
         if each.stiffness:
             acting |= _spring(each)
         acting |= {'damping': each.damping} if each.damping else {}
-        acting |= {'friction': each.friction} if each.friction else {}
+        if each.friction:
+            robot.leave('law of dry friction', each.name)
+            acting['friction'] = each.friction
         if each.limits is not None and stops is not None and not each.limits[0] < each.limits[1]:
             robot.leave('limits without range', each.name)
         elif each.limits is not None and stops is not None:
@@ -156,6 +158,7 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
         if c.damping or c.friction:
             rubs = {'viscous': c.damping} if c.damping else {}
             if c.friction:
+                robot.leave('law of dry friction', c.name)
                 rubs |= {'dynamic': 1.0, 'load': c.friction}
             effects.setdefault('joint_friction', {})[joints[c.name]] = joint | rubs
         if c.stiffness:

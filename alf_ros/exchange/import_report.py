@@ -53,6 +53,7 @@ MOTION = {
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',
     'dry friction (see --scene)': 'joints have no friction',
+    'law of dry friction': 'it fades below 0.01 rad/s or m/s: what it holds creeps slowly',
     'higher orders of damping': 'it is linear in the speed: the coefficients of square and cube '
     'are left out',
     'springs that yield': 'they do not yield here, however far they are bent',

@@ -1,7 +1,8 @@
 """Actuators of an MJCF on hinges, slides and tendons, as compiled by MuJoCo.
 
 `general_actuator` has their law. The control u comes from the keyframe, or is zero. If an actuator
-integrates its control, u is the integral at the start. If it filters it, u is the control.
+integrates its control, u is the integral at the start. If it filters it, u is the control. The
+filter of muscles has controls from 0 to 1.
 """
 
 from __future__ import annotations
@@ -126,6 +127,9 @@ def _input(mujoco: Any, data: Any, n: int) -> _Input:
     ends = model.actuator_ctrlrange[at]
     if is_limited:
         value = np.clip(value, *ends)
+    if model.actuator_dyntype[n] == dynamics.mjDYN_MUSCLE:
+        ends = np.clip(ends if is_limited else (0.0, 1.0), 0.0, 1.0)
+        value, is_limited = np.clip(value, *ends), True
     if integrates:
         value, is_limited = data.act[model.actuator_actadr[n]], False
     if model.actuator_dyntype[n] != dynamics.mjDYN_NONE and model.actuator_actlimited[n]:

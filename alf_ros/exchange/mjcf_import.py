@@ -56,6 +56,7 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
     mujoco.set_mju_user_warning(warned.append)  # or it would write them into a file
     try:
         model, lighter = _compiled(mujoco, path)
+        _hold(model)
         mjcf_actuators.reflect(mujoco, model)
         off = mjcf_switches.turn_off(mujoco, model)
         mjcf_switches.override(mujoco, model)
@@ -91,6 +92,13 @@ def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
         if not np.all(np.abs(getattr(model, f'body_{key}')) <= LARGEST):
             raise InputError('not usable numbers', file=str(path), key=f'{key} of a body')
     return model, lighter
+
+
+def _hold(model: Any) -> None:
+    """Fix mocap bodies, which only a user moves, and the bodies fixed to them, to the world, as
+    older versions of MuJoCo did; newer ones count them as bodies that move."""
+    moved_by_hand = np.flatnonzero(model.body_mocapid >= 0)
+    model.body_weldid[np.isin(model.body_weldid, moved_by_hand)] = 0
 
 
 class _Reader:

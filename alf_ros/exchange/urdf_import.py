@@ -68,6 +68,7 @@ _HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_chec
 _OF_MESHES = {'meshdir', 'strippath', 'discardvisual', 'fusestatic'}
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
+_DAMPED = (urdf_joint_types.PLANAR, 'UJOINT_XY')  # joints of Drake with their damping
 _NONE_HERE = 'limits, damping, friction, springs, armature'  # in the report
 _STILL = ': with --floating its root link moves'
 _WORLD = 'world'  # the root link of this name is the ground
@@ -92,8 +93,9 @@ class UrdfReader:
         follows: Collection[str] = (),
     ) -> None:
         self.file = str(path)
-        self.xml, self.urdf, kinds, absent = _parsed(path, arguments, types or {})
+        self.xml, self.urdf, kinds, self._pitch, absent = _parsed(path, arguments, types or {})
         self._balls = urdf_joint_types.balls(kinds)
+        self._screws = urdf_joint_types.screws(kinds)
         self._endless = urdf_joint_types.slides(kinds)
         self._follows = follows
         self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
@@ -122,7 +124,8 @@ class UrdfReader:
         self.part_of: dict[str, str] = {}
         self._order = self._ordered(floating)
         self.poses = self.poses_at(self.positions)
-        inner = {self.joints[each].child for row in self._balls.values() for each in row[:-1]}
+        rows = (*self._balls.values(), *self._screws.values())
+        inner = {self.joints[each].child for row in rows for each in row[:-1]}
         self.part_of = {name: part for name, part in self.part_of.items() if name not in inner}
         parts = {
             name: self._part(name, link) for name, link in self.links.items() if name not in inner
@@ -130,9 +133,10 @@ class UrdfReader:
         self.part_of = self.robot.add_links(parts, self.part_of)
         masses = {name: part.mass for name, part in parts.items()}
         self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml, self.error))
-        in_balls = {each for row in self._balls.values() for each in row}
+        in_rows = {each for row in self._balls.values() for each in row}
+        in_rows |= {slide for _, slide in self._screws.values()}
         for joint in self.urdf.joints:
-            if joint.name not in in_balls:
+            if joint.name not in in_rows:
                 self._connect(joint)
         for name, row in self._balls.items():
             self._connect_ball(name, row)
@@ -224,6 +228,8 @@ class UrdfReader:
     def _couple(self) -> None:
         """A coupling for each joint that mimics one that moves; else it holds its place."""
         for name, (other, factor, _) in self.mimics.items():
+            if (other, name) in self._screws.values():
+                continue
             moves = factor != 0.0 and self.joints[other].type in _MOVES
             of = {name: 1.0} | ({other: -factor} if moves else {})
             self.robot.couplings.append(Coupled(f'{name}_mimic', of))
@@ -308,7 +314,9 @@ class UrdfReader:
             dynamics = None
         if joint.type in ('fixed', 'floating'):
             return
-        pose = self.poses[joint.child]
+        pitch = self._pitch.get(joint.name, 0.0)
+        last = self.joints[self._screws[joint.name][-1]] if joint.name in self._screws else joint
+        pose = self.poses[last.child]
         turns = joint.limit is not None and joint.type in _LIMITED
         drawn = self.positions.get(joint.name, 0.0)
         if drawn:
@@ -316,15 +324,16 @@ class UrdfReader:
         self.robot.connect(
             Connection(
                 joint.name,
-                _TREE[joint.type],
+                'screw' if pitch else _TREE[joint.type],
                 self.part_of[joint.parent],
-                self.part_of[joint.child],
+                self.part_of[last.child],
                 pose.origin,
                 (pose.turn @ self._axis(joint),),
                 drawn,
                 (joint.limit.lower or 0.0, joint.limit.upper or 0.0) if turns else None,
                 float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
                 friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
+                pitch=pitch,
             ),
             at=self._at('joint', joint.name),
         )
@@ -391,9 +400,9 @@ class UrdfReader:
 
 def _parsed(
     path: Path, arguments: Mapping[str, str] | None, types: Mapping[str, str]
-) -> tuple[ElementTree.Element, Any, dict[str, str], list[tuple[str, str]]]:
-    """The XML, its reading by urdf_parser_py, the types of joints that URDF does not have, and
-    kind and name of what it leaves out."""
+) -> tuple[ElementTree.Element, Any, dict[str, str], dict[str, float], list[tuple[str, str]]]:
+    """The XML, its reading by urdf_parser_py, the types of joints that URDF does not have, the
+    pitches of screws (m per turn), and kind and name of what it leaves out."""
     from urdf_parser_py import urdf
     from urdf_parser_py.xml_reflection import core
 
@@ -403,13 +412,19 @@ def _parsed(
     urdf_joint_types.rename(xml)
     kinds, absent = urdf_joint_types.stated(xml), list[tuple[str, str]]()
     for joint in xml.findall('joint'):
-        kind = kinds.get(joint.get('name', ''))
-        if kind == urdf_joint_types.PLANAR:
+        name = joint.get('name', '')
+        kind = kinds.get(name)
+        if types.get(name, 'FIXED') != 'FIXED' and _rubs(joint, ('friction', 'damping')):
+            absent.append((_NONE_HERE, name))
+        if kind is not None:
             urdf_numbers.checked(joint, path)  # with the line
         if kind is not None and _loses(joint, kind):
-            absent.append((_NONE_HERE, joint.get('name', '')))
+            absent.append((_NONE_HERE, name))
+        if kind == urdf_joint_types.SCREW and _is_limited(joint):
+            absent.append(('limits of screws', name))
     kinds |= types
-    xml = urdf_joint_types.changed(xml, kinds, str(path)) if kinds else xml
+    pitch = urdf_joint_types.pitches(xml, kinds, str(path))
+    xml = urdf_joint_types.changed(xml, kinds, pitch, str(path)) if kinds else xml
     if _lacks_world(xml):
         ElementTree.SubElement(xml, 'link', {'name': _WORLD})
         absent.append(('link of the world: there is none', _WORLD))
@@ -436,15 +451,26 @@ def _parsed(
         core.on_error = told
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
-    return xml, robot, kinds, absent
+    return xml, robot, kinds, pitch, absent
 
 
 def _loses(joint: ElementTree.Element, kind: str) -> bool:
     """Whether a row that stands for a joint lacks something that acts on the joint."""
-    if kind != urdf_joint_types.PLANAR:
-        return any(map(joint.findall, ('dynamics', 'limit')))
-    rubs = any(decimal(each.get('friction', '0')) for each in joint.findall('dynamics'))
-    return rubs or joint.find('limit') is not None
+    if kind == urdf_joint_types.SCREW:
+        return False
+    acting = ('friction',) if kind in _DAMPED else ('friction', 'damping')
+    return _rubs(joint, acting) or joint.find('limit') is not None
+
+
+def _rubs(joint: ElementTree.Element, acting: Collection[str]) -> bool:
+    """Whether a joint has such a loss."""
+    given = (each.get(name) for each in joint.findall('dynamics') for name in acting)
+    return any(decimal(text) for text in given if text is not None)
+
+
+def _is_limited(joint: ElementTree.Element) -> bool:
+    limits = joint.findall('limit')
+    return any({'lower', 'upper'}.intersection(each.keys()) for each in limits)
 
 
 def _lacks_world(xml: ElementTree.Element) -> bool:

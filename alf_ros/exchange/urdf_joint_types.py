@@ -1,10 +1,14 @@
 """Joints of a URDF that it, or a side file, makes balls, universal joints, or fixed.
 
 URDF has neither balls nor universal joints, but Drake and Bullet read some: `ball`, `spherical`,
-and `universal`, about x of the parent and y of the child.
+and `universal`, about x of the parent and y of the child. Drake also reads `screw`.
 
 A universal joint and a ball become a row of `continuous` joints about axes of the joint's frame,
-through links without mass: `name_X`, `name_Y`, `name_Z`. The reader makes one ball of three.
+through links without mass: `name_X`, `name_Y`, `name_Z`. The reader makes one ball of three. The
+damping of a universal joint acts on both of its angles, as in Drake.
+
+A screw becomes a `continuous` joint of its name and a prismatic one, `name_slide`, that mimics it.
+The reader makes one screw of both.
 
 Drake reads three dampings of a planar joint, along x and y of its plane and about its axis. Such a
 joint becomes a row of two slides and a hinge, each with its damping.
@@ -13,6 +17,7 @@ joint becomes a row of two slides and a hinge, each with its damping.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterator, Mapping
 from xml.etree import ElementTree
 
@@ -21,12 +26,16 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
+from alf_ros.exchange.decimal_numbers import decimal
+from alf_ros.scene.text.yaml_document import LARGEST
 
 _AXES = {'X': '1 0 0', 'Y': '0 1 0', 'Z': '0 0 1'}
 _ROWS = {f'UJOINT_{a}{b}': a + b for a in _AXES for b in _AXES if a != b} | {'SPHERICAL': 'XYZ'}
 CHANGES = (*_ROWS, 'FIXED')
-_STATED = {'ball': 'SPHERICAL', 'spherical': 'SPHERICAL', 'universal': 'UJOINT_XY'}
+SCREW = 'SCREW'
+_STATED = {'ball': 'SPHERICAL', 'spherical': 'SPHERICAL', 'universal': 'UJOINT_XY', 'screw': SCREW}
 _OF_DRAKE = ('{http://drake.mit.edu}joint', '{undeclared:drake}joint')  # `<drake:joint>`
+_PITCH = 'screw_thread_pitch'  # m per turn
 PLANAR = 'PLANAR'  # a planar joint with a damping of each of its three freedoms
 _OPPOSITE = 1e-9  # of 1 + z of an axis: it is -z, to which many shortest turns lead
 
@@ -36,6 +45,13 @@ def rename(root: ElementTree.Element) -> None:
     for each in root:
         if each.tag in _OF_DRAKE and each.get('type') in (*_STATED, 'planar'):
             each.tag = 'joint'
+
+
+def named(root: ElementTree.Element) -> dict[str, str]:
+    """The type of each joint, by name; a screw is `continuous`, for it has one coordinate."""
+    rename(root)
+    found = {each.get('name', ''): each.get('type', '') for each in root.findall('joint')}
+    return {name: 'continuous' if kind == 'screw' else kind for name, kind in found.items()}
 
 
 def stated(root: ElementTree.Element) -> dict[str, str]:
@@ -53,12 +69,43 @@ def dampings(joint: ElementTree.Element) -> list[str]:
 
 
 def slides(types: Mapping[str, str]) -> set[str]:
-    """The slides of the rows of planar joints, which have no limits."""
-    return {f'{name}_{axis}' for name, kind in types.items() if kind == PLANAR for axis in 'XY'}
+    """The slides of the rows of planar joints and screws, which have no limits."""
+    planar = {f'{name}_{axis}' for name, kind in types.items() if kind == PLANAR for axis in 'XY'}
+    return planar | {f'{name}_slide' for name, kind in types.items() if kind == SCREW}
 
 
-def changed(root: ElementTree.Element, types: Mapping[str, str], file: str) -> ElementTree.Element:
-    """A URDF with these joints of another type. Raises InputError for a joint that it lacks."""
+def pitches(root: ElementTree.Element, types: Mapping[str, str], file: str) -> dict[str, float]:
+    """The pitch of each screw, m per turn. Raises InputError."""
+    screws = (each for each in root.findall('joint') if types.get(each.get('name', '')) == SCREW)
+    return {joint.get('name', ''): _pitch(joint, file) for joint in screws}
+
+
+def _pitch(joint: ElementTree.Element, file: str) -> float:
+    given = [each for each in joint if _is_pitch(each)]
+    text = given[0].get('value') if given else None
+    place = xml_file.place_of(given[0] if given else joint, file)
+    key, expected = joint.get('name', ''), f'<drake:{_PITCH} value="0.01"/>, m per turn'
+    if text is None:
+        raise InputError('a screw without its pitch', **place, key=key, expected=expected)
+    try:
+        pitch = decimal(text)
+    except ValueError:
+        pitch = math.nan
+    if not abs(pitch) <= LARGEST:
+        message = 'the pitch is not a usable number'
+        raise InputError(message, **place, key=key, value=text, expected=expected)
+    return pitch
+
+
+def _is_pitch(element: ElementTree.Element) -> bool:
+    return isinstance(element.tag, str) and element.tag.rpartition('}')[2] == _PITCH
+
+
+def changed(
+    root: ElementTree.Element, types: Mapping[str, str], pitch: Mapping[str, float], file: str
+) -> ElementTree.Element:
+    """A URDF with these joints of another type. pitch: of screws, m per turn. Raises InputError
+    for a joint that it lacks."""
     present = {element.get('name', '') for element in root.findall('joint')}
     for name in types:
         if name not in present:
@@ -67,8 +114,26 @@ def changed(root: ElementTree.Element, types: Mapping[str, str], file: str) -> E
     whole = ElementTree.Element(root.tag, root.attrib)
     for element in root:
         kind = types.get(element.get('name', '')) if element.tag == 'joint' else None
-        whole.extend([element] if kind is None else _replaced(element, kind))
+        if kind == SCREW:
+            whole.extend(_thread(element, pitch[element.get('name', '')]))
+        else:
+            whole.extend([element] if kind is None else _replaced(element, kind))
     return whole
+
+
+def _thread(joint: ElementTree.Element, pitch: float) -> Iterator[ElementTree.Element]:
+    name = joint.get('name', '')
+    slide, between = f'{name}_slide', f'{name}_slide_link'
+    axis = joint.findall('axis')
+    turns = xml_file.beside(joint, joint.attrib | {'type': 'continuous'})
+    turns.extend(each for each in joint if each.tag != 'child' and not _is_pitch(each))
+    ElementTree.SubElement(turns, 'child', {'link': between})
+    slides = xml_file.beside(joint, {'name': slide, 'type': 'prismatic'})
+    ElementTree.SubElement(slides, 'parent', {'link': between})
+    slides.extend([*joint.findall('child'), *axis])
+    follows = {'joint': name, 'multiplier': repr(pitch / (2.0 * math.pi))}
+    ElementTree.SubElement(slides, 'mimic', follows)
+    yield from (turns, ElementTree.Element('link', {'name': between}), slides)
 
 
 def _replaced(joint: ElementTree.Element, kind: str) -> Iterator[ElementTree.Element]:
@@ -81,6 +146,8 @@ def _replaced(joint: ElementTree.Element, kind: str) -> Iterator[ElementTree.Ele
     ends = [each.get('link', '') for side in ('parent', 'child') for each in joint.findall(side)]
     row = 'XYZ' if kind == PLANAR else _ROWS[kind]
     damping = dampings(joint) if kind == PLANAR else []
+    if kind == 'UJOINT_XY' and joint.get('type') == 'universal':
+        damping = dampings(joint)[:1] * len(row)
     axes = _in_plane(joint) if kind == PLANAR else _AXES
     links = [ends[0], *(f'{name}_{axis}_link' for axis in row[:-1]), ends[-1]]
     for n, axis in enumerate(row):
@@ -118,6 +185,11 @@ def _in_plane(joint: ElementTree.Element) -> dict[str, str]:
         name: ' '.join(repr(float(each)) for each in row)
         for name, row in zip(_AXES, turned, strict=True)
     }
+
+
+def screws(types: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """The joints of the row that each screw was made of, by its name."""
+    return {name: (name, f'{name}_slide') for name, kind in types.items() if kind == SCREW}
 
 
 def balls(types: Mapping[str, str]) -> dict[str, tuple[str, ...]]:

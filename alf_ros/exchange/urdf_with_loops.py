@@ -10,6 +10,7 @@ from alf_ros.exchange import (
     closed_loop_file,
     loop_closures_file,
     two_ended_loops,
+    urdf_joint_types,
     urdf_loops,
     urdf_loops_file,
     xml_file,
@@ -53,9 +54,8 @@ def read(
     own = side is not None and not of_gepetto and not of_scikit
     by_file: dict[str, float] = {}
     if side and own:
-        joints = xml_file.root_of(path, arguments).findall('joint')
-        kinds = {joint.get('name', ''): joint.get('type', '') for joint in joints}
-        by_file = urdf_loops_file.positions(side, kinds)
+        root = xml_file.root_of(path, arguments)
+        by_file = urdf_loops_file.positions(side, urdf_joint_types.named(root))
     types = closed_loop_file.joint_types(side) if side and of_gepetto else {}
     follows = loop_closures_file.dependent(side) if side and of_scikit else []
 

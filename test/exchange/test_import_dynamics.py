@@ -311,3 +311,23 @@ def test_what_a_planar_joint_with_dampings_lacks(tmp_path: Path) -> None:
         with pytest.raises(InputError) as caught:
             imported(saved(tmp_path, 'it.urdf', PLANE.replace(old, new)), scene=True)
         assert message in str(caught.value)
+
+
+@pytest.mark.parametrize('scene', [True, False])
+def test_dry_friction_is_listed(scene: bool, tmp_path: Path) -> None:
+    """It fades at low speed: a bar that 0.9 of it holds creeps at 0.02 rad/s."""
+    held, bar = '<dynamics friction="2.18"/>', '<robot name="r"><link name="base"/><link name="b">'
+    bar += '<inertial><origin xyz="0.2 0 0"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"'
+    bar += ' ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">'
+    bar += f'<parent link="base"/><child link="b"/><axis xyz="0 1 0"/>{held}</joint></robot>'
+    text = imported(saved(tmp_path, 'it.urdf', bar), scene=scene)
+    listed = (
+        'law of dry friction: it fades below 0.01 rad/s or m/s: what it holds creeps slowly: j'
+    )
+    assert (listed in text) == scene
+    if scene:
+        simulation = Simulation(scene_from_text(text))
+        simulation.step(500)
+        part = 9.81 * 0.2 / 2.18
+        creep = 0.01 * part / math.sqrt(1.0 - part**2)
+        assert simulation.sample().joints['j'].velocity == pytest.approx(creep, rel=0.01)

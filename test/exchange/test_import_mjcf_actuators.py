@@ -207,3 +207,22 @@ def test_states_of_actuators_are_listed(actuator: str, line: str, tmp_path: Path
     effort = motor.effort + motor.position_gain * (motor.position or 0.0)
     assert effort == pytest.approx(float(data.qfrc_actuator[0]), rel=1e-12)
     assert effort > 0.1
+
+
+def test_the_filter_of_muscles_has_controls_from_0_to_1(tmp_path: Path) -> None:
+    """A control of 3 excites a muscle like 1. It pushed three times as much."""
+    for control, limits, value in (
+        (3.0, '', 1.0),
+        (-1.0, '', 0.0),
+        (3.0, 'ctrlrange="0 .5"', 0.5),
+    ):
+        muscle = f'<general joint="j1" dyntype="muscle" gainprm="0.2" {limits}/>'
+        key = f'ctrl="{control}" act="{value}"'
+        source = robot('', muscle, key)
+        text = imported(saved(tmp_path, 'it.xml', source), scene=True, key='k')
+        assert 'activation of actuators: they act without delay' in text
+        simulation = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+        simulation.step(round(DURATION * 1e3))
+        joints = simulation.sample().joints
+        ours = [joints[name].position for name in JOINTS]
+        assert ours == pytest.approx(positions(source), abs=1e-8)

@@ -143,3 +143,31 @@ def test_velocities_of_a_mechanism_that_is_too_large(tmp_path: Path) -> None:
         'velocities of many bodies: the mechanism is too large to fit them to its joints' in text
     )
     assert 'velocities of bodies' not in text
+
+
+MOCAP = f"""<mujoco model="it">
+<option timestep="{STEP}" integrator="RK4"><flag contact="disable"/></option>
+<worldbody><body name="hand" mocap="true" pos="0 0 1"><geom size="0.1"/>
+<body name="palm" pos="0.2 0 0"><geom size="0.1"/>
+<body name="finger"><joint name="h" axis="0 1 0"/><geom size="0.05" pos="0.1 0.02 0"/></body>
+</body></body></worldbody><keyframe><key name="k" mpos="0.5 0 2" mquat="1 0.2 0 0"/></keyframe>
+</mujoco>"""
+
+
+@pytest.mark.parametrize('key', ['k', None])
+def test_mocap_bodies_do_not_move(key: str | None, tmp_path: Path) -> None:
+    """Newer versions of MuJoCo count them as bodies without joints that move: they fell."""
+    text = imported(saved(tmp_path, 'it.xml', MOCAP), scene=True, key=key)
+    assert 'motion of mocap bodies: they do not move: hand' in text
+    simulation = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+    assert [each.name for each in simulation.model.mechanism.bodies] == ['finger']
+    simulation.step(round(DURATION * 1e3))
+    model = mujoco.MjModel.from_xml_string(MOCAP)
+    data = mujoco.MjData(model)
+    if key is not None:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(round(DURATION / STEP)):
+        mujoco.mj_step(model, data)
+    turned = simulation.sample().joints['h'].position
+    assert abs(turned) > 1.0
+    assert turned == pytest.approx(float(data.joint('h').qpos[0]), abs=1e-9)

@@ -151,6 +151,18 @@ def test_joints_of_another_type(tmp_path: Path, kind: str) -> None:
     assert simulation.model.n - simulation.sample().diagnostics.rank == freedoms
 
 
+def test_losses_of_joints_of_another_type_are_listed(tmp_path: Path) -> None:
+    """A hinge that becomes a ball or a cross has lost its damping without a word."""
+    damped = five_bar().replace('</joint>', '<dynamics damping="0.1"/></joint>')
+    for kind, listed in (('SPHERICAL', True), ('UJOINT_XY', True), ('FIXED', False)):
+        side = f'closed_loop: []\njoint_name: [e1]\njoint_type: [{kind}]\n'
+        for source in (damped, damped.replace('damping="0.1"', 'damping="0"')):
+            urdf, loops = written(tmp_path, source, side)
+            told = 'springs, armature: these joints have none: e1'
+            text = imported(urdf, loops=loops, scene=True)
+            assert (told in text) == (listed and source is damped)
+
+
 REFUSED = {
     "type: ['5d']": "type[0]: unknown name, got '5d'",
     'joint_name: [e1]': 'without joint_type',
