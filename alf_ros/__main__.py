@@ -13,6 +13,13 @@ from alf_ros.commands import COMMANDS
 from alf_ros.errors import AlfError, InputError, printable, shortened
 from alf_ros.resources import version
 
+# Libraries of commands that need no ROS, by what setup.py calls them
+_EXTRAS = {
+    'urdf_parser_py': 'alf_ros[import]',
+    'mujoco': 'alf_ros[import]',
+    'mcap': 'alf_ros[record]',
+}
+
 
 def summary(module: str) -> str:
     """Return the first line of a module's docstring without importing it (that may take rclpy)."""
@@ -54,6 +61,19 @@ def run(name: str, arguments: list[str]) -> int:
     return code
 
 
+def _remedy(error: ImportError) -> str:
+    """What brings the missing library."""
+    missing = (error.name or '').partition('.')[0]
+    if missing in _EXTRAS:
+        return (
+            f"`make setup` makes an interpreter that has it, or pip install '{_EXTRAS[missing]}'"
+        )
+    return (
+        '`make setup` makes an interpreter that has it, and a sourced ROS 2 brings rclpy and the '
+        'messages'
+    )
+
+
 def unless_half_made(unraisable: sys.UnraisableHookArgs) -> None:
     """A hook of what cannot be raised: the usual one, except for what Ctrl-C left half made while
     machine code was compiled. Such an object of llvmlite misses the handle that it would close."""
@@ -80,11 +100,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ImportError as error:
         if (error.name or '').partition('.')[0] == 'alf_ros':
             raise
-        print(
-            f'alf_ros {name}: {error} ({sys.executable}); `make setup` makes an interpreter '
-            'that has it, and a sourced ROS 2 brings rclpy and the messages',
-            file=sys.stderr,
-        )
+        print(f'alf_ros {name}: {error} ({sys.executable}); {_remedy(error)}', file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

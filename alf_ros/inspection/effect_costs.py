@@ -134,7 +134,7 @@ def call_costs(simulation: Simulation) -> dict[str, float]:
     state, stages = simulation.state, simulation.stages
     near, loads = simulation.sample()._near, np.ones(1)  # N
     costs = {}
-    for label, part in simulation._run.applied.each.items():
+    for label, part in simulation.applied.each.items():
         many = _repeated(part.effects)
         Q = np.zeros(state.q.size)
         least = math.inf

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +18,7 @@ from alf_ros.logs import record
 from alf_ros.logs.series import Series
 
 _LENGTH = 16
+_LARGEST = sys.float_info.max
 SEAL = 'seal'
 UNREADABLE = 'unreadable'
 
@@ -63,7 +65,8 @@ def _is_whole(value: object) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    return type(value) in (int, float) and abs(value) < 1e300  # type: ignore[arg-type]
+    """Any number that a command can hold, and no whole number beyond what a float can be."""
+    return type(value) in (int, float) and abs(value) <= _LARGEST  # type: ignore[arg-type]
 
 
 def _is_time(value: object) -> bool:

@@ -109,7 +109,9 @@ class _SteadyEffort:
 
 
 def _times(effort: float, kind: PackedKind) -> PackedKind:
-    return replace(kind, packed=replace(kind.packed, params=effort * kind.packed.params))
+    with np.errstate(over='ignore'):  # a step with it fails, and says so
+        params = effort * kind.packed.params
+    return replace(kind, packed=replace(kind.packed, params=params))
 
 
 class _Scene:

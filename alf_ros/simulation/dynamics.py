@@ -82,6 +82,12 @@ class Dynamics(Kinematics):
             loads = self._loads[part.loads]
             kernel.add_friction(part.effects, self.t, q, qd, self._near, loads, Q)
 
+    @property
+    def friction_loads(self) -> Floats:
+        """A copy of the reactions (N) on which friction depends: one for each effect with such
+        friction, in the order of `State.loads`."""
+        return self._loads.copy()
+
     @kept
     def _loads(self) -> Floats:
         """N, of each effect with friction that depends on reactions."""

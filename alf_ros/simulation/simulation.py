@@ -22,7 +22,7 @@ from alf_ros.scene.scene import Scene, Solver, joined
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.adjoint_following import AdjointFollowing
-from alf_ros.simulation.applied import NO_INPUTS, Target
+from alf_ros.simulation.applied import NO_INPUTS, Applied, Target
 from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.lasting_tangents import LastingTangents
@@ -440,6 +440,12 @@ class Simulation:
     def _state(self) -> State:
         return self._run.present.state()
 
+    @property
+    def initial_state(self) -> State:
+        """A copy of the state to which `reset` goes back: where the scene starts, without
+        inputs."""
+        return copy.deepcopy(self._initial)
+
     @by_one_thread
     def restore(self, state: State) -> None:
         """Continue from a state of this scene. The run repeats bit for bit.
@@ -539,6 +545,12 @@ class Simulation:
         check.checked_target(self.model, self.scene.effects, check.text(joint, 'joint'), target)
         inputs = self._run.applied.inputs
         self._run.hold(replace(inputs, targets={**inputs.targets, joint: target}))
+
+    @property
+    def applied(self) -> Applied:
+        """The forces of the effects and the inputs now, as compiled code takes them. Packed again
+        at each change of the inputs, and not changed in place."""
+        return self._run.applied
 
     @by_one_thread
     def clear_inputs(self) -> None:

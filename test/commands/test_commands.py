@@ -100,6 +100,21 @@ def test_missing_library_is_one_line():
     assert "No module named 'rclpy'" in one_line(done.stderr)
 
 
+@pytest.mark.parametrize(
+    ('library', 'name', 'text'),
+    [
+        ('urdf_parser_py', 'r.urdf', '<robot name="r"><link name="a"/></robot>'),
+        ('mujoco', 'r.xml', '<mujoco><worldbody/></mujoco>'),
+    ],
+)
+def test_a_missing_parser_of_robots_is_one_line_with_its_extra(library, name, text, tmp_path):
+    (tmp_path / name).write_text(text)
+    done = run_without([library], 'import', str(tmp_path / name))
+    assert (done.returncode, done.stdout) == (2, '')
+    assert f"No module named '{library}'" in one_line(done.stderr)
+    assert "pip install 'alf_ros[import]'" in done.stderr and 'ROS 2' not in done.stderr
+
+
 def test_an_import_error_of_our_own_is_a_bug_and_shows(command):
     with pytest.raises(ImportError):
         command(raiser(ImportError('cannot import', name='alf_ros.model')))

@@ -33,7 +33,7 @@ def applied(sim: Simulation, q, qd):
     Q = np.zeros(q.size)
     near, all_effects = sim.sample()._near, sim._run.applied.assembled.effects
     kernel.applied_forces(all_effects, sim.t, q, qd, near, Q)
-    kernel.add_friction(all_effects, sim.t, q, qd, near, sim.sample()._loads, Q)
+    kernel.add_friction(all_effects, sim.t, q, qd, near, sim.sample().friction_loads, Q)
     return Q
 
 
@@ -60,8 +60,8 @@ def test_compiled_is_what_is_written(
     near, data, python = sample._near, (packed.slots, packed.params), np.zeros(q.size)
     module.force.__wrapped__(sim.t, q, qd, near, *data, python)
     if (kind, which) in LOADED:
-        assert sample._loads[:2].min() > 0.5
-        module.friction.__wrapped__(sim.t, q, qd, near, sample._loads, *data, python)
+        assert sample.friction_loads[:2].min() > 0.5
+        module.friction.__wrapped__(sim.t, q, qd, near, sample.friction_loads, *data, python)
     # products and sums may be fused, and powers taken by other libraries: the last bits may differ
     size = np.abs(compiled).max()
     assert size > 0.1
@@ -231,7 +231,9 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
     q, qd = reactions.on_cut_blocks(sim.state.q), reactions.on_cut_blocks(sim.state.qd)
     Q = np.zeros(q.size)
     kernel.applied_forces(sample._applied.on(cut), sim.t, q, qd, sample._near, Q)
-    kernel.add_friction(sample._applied.on(cut), sim.t, q, qd, sample._near, sample._loads, Q)
+    kernel.add_friction(
+        sample._applied.on(cut), sim.t, q, qd, sample._near, sample.friction_loads, Q
+    )
     q, exerted = q.reshape(-1, D), Q.reshape(-1, D)
     qdd = reactions.on_cut_blocks(sample._accelerated[0].qdd).reshape(-1, D)
     largest = 0.0

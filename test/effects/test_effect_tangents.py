@@ -28,7 +28,7 @@ class Alone:
         self.packed = self.module.pack([sim.scene.effects[n]], sim.model.layout)
         sample, state = sim.sample(), sim.state
         self.near, self.q, self.qd = sample._near, state.q, state.qd
-        loads = sample._loads if which.endswith('loaded') else np.zeros(9)
+        loads = sample.friction_loads if which.endswith('loaded') else np.zeros(9)
         self.loads = loads[n:].copy()
 
     def exerted(self, q: Floats, qd: Floats) -> Floats:

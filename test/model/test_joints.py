@@ -280,7 +280,7 @@ def test_meaning(dimension: int, kind: str) -> None:
     sim = simulation(dimension, kind)
     sim.step(150)
     layout, q = sim.model.layout, sim.state.q.reshape(-1, dimension)
-    assert np.abs(q - sim._initial.q.reshape(-1, dimension)).max() > 0.05
+    assert np.abs(q - sim.initial_state.q.reshape(-1, dimension)).max() > 0.05
     joint = sim.model.mechanism.joints[-1]
     parent, child = (
         np.array([value(layout.direction(body, axis), q) for axis in frame.axes])

@@ -317,6 +317,7 @@ def test_a_step_that_fails_pauses_the_node_and_says_what_to_do(tmp_path, peer):
         answer = peer.call(SetBool, '/simulator/pause', data=False)
         assert not answer.success and values['reason'] in answer.message
         assert found.value('solver', 'state') == 'failed'
+        assert not peer.call(Trigger, '/simulator/step').success  # no request to pause either
         # it played before, so it plays on from the start
         assert peer.call(Trigger, '/simulator/reset').success
         peer.until(lambda: found.value('solver', 'state') == 'playing', 'health after a reset')

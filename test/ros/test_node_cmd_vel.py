@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -56,13 +57,16 @@ def test_it_follows_a_twist_and_refuses_what_wheels_cannot_do(tmp_path: Path, pe
             return abs(now.linear.x - 0.6) < 1e-6 and abs(now.angular.z - 0.9) < 1e-6
 
         peer.until(settled, 'the commanded twist')
+        refusals = Counter[str]()
         for wrong, reason in (
             (twist(math.nan), 'not_finite'),
             (twist(0.1, y=0.1), 'out_of_plane'),
+            (twist(1e308), 'not_finite'),  # of the wheels
         ):
             command.publish(wrong)
-            key = f'refused_{reason}'
-            peer.until(lambda key=key: found.value('commands', key) == '1', key)
+            refusals[reason] += 1
+            key, count = f'refused_{reason}', str(refusals[reason])
+            peer.until(lambda k=key, n=count: found.value('commands', k) == n, key)
         assert settled()
         assert node.stop() == 0, node.output
     assert main(['verify', str(node.logs[0])]) == 0

@@ -1,9 +1,12 @@
 """Trajectories and targets from another process: followed, replaced, counted, and repeatable."""
 
+import sys
+
 import pytest
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+from alf_ros.__main__ import main
 from support.journal_run import repeat
 from support.ros_node import Diagnostics, SimulatorProcess, journal, read_log
 from support.trajectory_messages import message, point
@@ -90,3 +93,16 @@ def test_targets_as_ros2_control_sends_them(started, peer):
     assert (entry['kind'], entry['name']) == ('target', 'crank_pin')
     assert (entry['position'], entry['velocity']) == (0.4, None)
     assert repeat(log)[log['/joint_states'][-1][0]] == list(log['/joint_states'][-1][1].position)
+
+
+def test_finite_numbers_however_large_end_no_node_and_leave_logs_that_verify(started, peer):
+    node, _, found = started
+    trajectories = peer.talk('/simulator/joint_trajectory', JointTrajectory)
+    trajectories.publish(message(point(1e-9, [1e308]), point(2e-9, [-1e308]), names=['crank_pin']))
+    peer.until(lambda: found.value('commands', 'refused_not_finite') == '1', 'a refusal')
+    commands = peer.talk('joint_commands', JointState)
+    commands.publish(JointState(name=['knee'], effort=[sys.float_info.max]))
+    peer.until(lambda: found.value('solver', 'state') == 'failed', 'a step that fails')
+    assert node.stop() == 0, node.output
+    assert journal(read_log(node.logs[0]))[-1]['effort'] == sys.float_info.max
+    assert main(['verify', str(node.logs[0])]) == 0

@@ -1,6 +1,7 @@
 """joint_trajectory messages: their conversion to curves, and refused messages."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -61,6 +62,28 @@ def test_what_lies_in_the_past_is_left_out(simulation):
     assert max(curve.at(t)[0] for t in (0.1, 0.2, 0.3, 0.4, 0.5)) < 1.0
     with pytest.raises(Refused, match='in the past') as refused:
         curves(simulation, message(point(0.02, [9.0]), start=0.05))
+    assert refused.value.reason == 'wrong_time'
+
+
+@pytest.mark.parametrize(
+    'points',
+    [
+        (point(1e-9, [1e300], [0.0]), point(2e-9, [0.1], [0.0])),
+        (point(1e-9, [1e308]), point(2e-9, [-1e308])),
+        (point(1e-9, [0.0], effort=[1e308]), point(2e-9, [0.0], effort=[-1e308])),
+    ],
+)
+def test_points_too_far_apart_for_numbers_are_refused(simulation, points):
+    with pytest.raises(Refused, match='no finite curve leads pin') as refused:
+        curves(simulation, message(*points))
+    assert refused.value.reason == 'not_finite'
+
+
+def test_points_that_rounding_puts_together_are_refused(simulation):
+    state = simulation.state
+    simulation.restore(replace(state, step=10**11))  # 1e8 s: a nanosecond is lost there
+    with pytest.raises(Refused, match='by rounding') as refused:
+        curves(simulation, message(point(1.0, [1.0]), point(1.000000001, [2.0])))
     assert refused.value.reason == 'wrong_time'
 
 

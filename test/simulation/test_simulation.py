@@ -32,6 +32,21 @@ def test_restored_run_repeats_bit_for_bit(name: str, integrator: str) -> None:
     assert same(once, again.sample())
 
 
+def test_the_initial_state_is_the_one_of_a_reset_and_a_copy() -> None:
+    sim = Simulation(load_scene('slider_crank'))
+    begun, q = sim.state, sim.state.q.copy()
+    sim.apply_effort('crank_pin', 2.0)
+    sim.step(20)
+    first = sim.initial_state
+    assert (first.step, first.inputs) == (0, begun.inputs)
+    assert first.q.tobytes() == begun.q.tobytes() and first.qd.tobytes() == begun.qd.tobytes()
+    first.q[:] = np.nan
+    sim.reset()
+    assert sim.state.q.tobytes() == q.tobytes()
+    sim.step(20)
+    assert np.isfinite(sim.state.q).all()
+
+
 def test_a_state_of_other_steps_continues_at_its_time() -> None:
     """The crank is driven: at another time it would be elsewhere."""
     drives = {'motor': {'joint': 'crank_pin', 'angle': 'pi/4 + 2*t'}}

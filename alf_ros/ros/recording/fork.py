@@ -161,7 +161,7 @@ def _change(
     state = state_vector.state(after.model, first, numbers, rates, start.inputs)
     if scene.mechanism != rerun.scene.mechanism:
         # what lies near half a turn may count another one as drawn now, and at this instant
-        begun = before._initial
+        begun = before.initial_state
         first = first.moved(first.q, first.qd, _turns(before.model, begun, after.model, first.q))
         turns = _turns(before.model, start, after.model, state.q)
         if (turns != state.turns).any():

@@ -97,6 +97,8 @@ def read_twist(
         if not controlled[name][1]:
             raise Refused('not_controlled', f'cmd_vel: no motor controls the velocity of {name!r}')
     speeds = drive.wheel_speeds(linear.x, angular.z)
+    if not all(map(math.isfinite, speeds)):  # of numbers too large for them
+        raise Refused('not_finite', 'cmd_vel: the velocities of the wheels must be finite')
     return {
         name: {'velocity': speed}
         for name, speed in zip((drive.left, drive.right), speeds, strict=True)

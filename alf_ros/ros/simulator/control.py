@@ -111,9 +111,9 @@ class Control:
 
     def _fail(self) -> None:
         """A step failed: pause until a request to play or to reset."""
-        played = not self.paused
+        stopped = self._stopped or not self.paused  # steps that fail again change nothing in it
         self.pause()
-        self._stopped = played
+        self._stopped = stopped
         self._report()
 
     def _begin(self, state: State | None = None, keep_time: bool = False) -> None:

@@ -34,7 +34,8 @@ class Trajectory:
 
     def curves(self, sample: Sample, ahead: int) -> tuple[dict[str, Curve], dict[str, Curve]]:
         """Positions and efforts over the simulated time, from the sample on; stamps are `ahead`
-        (ns) of it. Raises Refused if all its points lie in the past, or more than a day ahead."""
+        (ns) of it. Raises Refused if all its points lie in the past, or more than a day ahead, or
+        if there is no finite curve through them."""
         begin = (self.start - ahead) * 1e-9 if self.start else sample.t
         times = [begin + t for t in self.times]
         past = sum(t < sample.t for t in times)
@@ -43,6 +44,9 @@ class Trajectory:
         if begin - sample.t > _DAY:  # it would be held for years, and nothing moves
             ahead_by = f'{begin - sample.t:.3g} s ahead: stamps are of clock'
             raise Refused('wrong_time', f'joint_trajectory: it begins {ahead_by}')
+        if any(b <= a for a, b in zip(times, times[1:], strict=False)):  # late, if at all
+            text = f'two points fall together at t = {sample.t:.9g} s, by rounding'
+            raise Refused('wrong_time', f'joint_trajectory: {text}')
         times, first = times[past:], max(begin, sample.t)
         places = dict(zip(sample.model.coordinate_names, sample.joint_positions, strict=True))
         speeds = dict(zip(sample.model.coordinate_names, sample.joint_velocities, strict=True))
@@ -56,15 +60,16 @@ class Trajectory:
                 present: Knot = (float(places[joint]), speed, 0.0)
             else:
                 present = before.at(first) if isinstance(before, Curve) else (before, 0.0, 0.0)
-            positions[joint] = _curve(first, present, times, knots[past:], before)
+            positions[joint] = _curve(joint, first, present, times, knots[past:], before)
         for joint, knots in self.efforts.items():
             held = sample.inputs.efforts.get(joint, 0.0)
             present = held.at(first)[:1] if isinstance(held, Curve) else (held,)
-            efforts[joint] = _curve(first, present, times, knots[past:], held)
+            efforts[joint] = _curve(joint, first, present, times, knots[past:], held)
         return positions, efforts
 
 
 def _curve(
+    joint: str,
     first: float,
     present: Knot,
     times: list[float],
@@ -73,7 +78,11 @@ def _curve(
 ) -> Curve:
     if times[0] > first:
         times, knots = [first, *times], [present, *knots]
-    return through(times, knots, before if isinstance(before, Curve) else None)
+    try:
+        return through(times, knots, before if isinstance(before, Curve) else None)
+    except ValueError:  # finite points may be too far apart for numbers
+        text = f'no finite curve leads {joint} from point to point'
+        raise Refused('not_finite', f'joint_trajectory: {text}') from None
 
 
 def read_trajectory(

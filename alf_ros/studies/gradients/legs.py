@@ -101,7 +101,7 @@ class RunOfLegs:
                 )
 
     def _begins(self) -> tuple[State, State]:
-        return self._simulation._initial, self._simulation.state
+        return self._simulation.initial_state, self._simulation.state
 
     def _check_unfolding(self, last: int) -> None:
         """Refuse lengths and drives that unfold a singular position passed before a step."""

@@ -95,10 +95,10 @@ class InverseDynamics:
         self.names = tuple(_short(each.name) for each in self.inputs)
         self.units = tuple(each.unit for each in self.inputs)
         self._model, self._before = model, simulation.state.inputs
-        self._independent = len(model.row_names) - simulation._start.dependent_rows
+        self._independent = len(model.row_names) - simulation.dependent_rows
         self._weights: Floats = np.ones(len(self.inputs))
         self._packed = one_by_one(model, [each.added(NO_INPUTS, 1.0) for each in self.inputs])
-        applied = simulation._run.applied
+        applied = simulation.applied
         self._problem = Workspace(model).problem(applied.assembled, simulation.solver)
         self._joints = simulation._run.stepper.instruments.coordinates
 

@@ -124,7 +124,7 @@ def _with_friction(
     for _ in range(_ROUNDS):
         samples = _sampled(carrier, bare, solver, path, found)
         rubbing = path.loads.copy()
-        rubbing[found.is_regular] = [sample._loads for sample in samples]
+        rubbing[found.is_regular] = [sample.friction_loads for sample in samples]
         change = float(np.abs(rubbing - path.loads).max(initial=0.0))
         path = replace(path, loads=rubbing)
         found = solver.needed(path)

@@ -74,7 +74,7 @@ def linearise(
     simulation, state, t = _instant_of(about)
     sample = simulation._sample(t, state, False)
     loads = Loads(simulation)
-    rubbing = sample._loads if loads.applied.load_count else np.zeros(0)
+    rubbing = sample.friction_loads if loads.applied.load_count else np.zeros(0)
     instant = Instant(loads, t, state.q, state.qd, state.turns, rubbing)
     refuse_singular(instant)
     named = named_inputs(loads, t, inputs)
