@@ -159,7 +159,10 @@ def carry_again(
                 count, _ = accelerate(problem, ts, True)  # (26)
         else:
             shift_along_path(unit, system.arms, work, h * h * method.lag[s])
-            count, x, clear = stage(problem, ts, scales, x < np.inf, True)
+            # as if beside the position in all of a step near it: mostly a stage is left off Φ = 0
+            # by what a motion does not feel, but q̈ across the branch has it over x, and with a
+            # mass that changes so has δq̈ along it
+            count, x, clear = stage(problem, ts, scales, x < np.inf or near, True)
         if not clear and count != 0:
             moved = furthest(work.q, work.base, work.p.size)
             _unfold_again(problem, phase, ts, s, h)
