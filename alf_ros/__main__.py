@@ -85,8 +85,8 @@ def unless_half_made(unraisable: sys.UnraisableHookArgs) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command `argv[0]` with the rest of `argv` (default: the process's arguments).
 
-    Returns the exit code: 2 for a usage or input error or a missing library, 130 after Ctrl-C, 143
-    after SIGTERM, each told in one line.
+    Returns the exit code: 2 for a usage or input error or a missing library, or 143 after SIGTERM,
+    both told in one line; 130 after Ctrl-C.
     """
     if sys.unraisablehook is sys.__unraisablehook__:
         sys.unraisablehook = unless_half_made

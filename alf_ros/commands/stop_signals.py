@@ -1,4 +1,5 @@
-"""SIGTERM ends a command as Ctrl-C does: it ends what it has begun, and one line says so.
+"""SIGTERM ends a command as Ctrl-C does: it ends what it has begun. One line tells of SIGTERM;
+Ctrl-C is quiet, because who presses it knows.
 
 Commands that are nodes have handlers of their own.
 """
@@ -40,12 +41,13 @@ def heard() -> Iterator[None]:
 
 
 def stopped(command: str, error: KeyboardInterrupt) -> int:
-    """Say which signal ended a command; returns the exit code, 128 more than its number."""
-    number = signal.SIGTERM if isinstance(error, Terminated) else signal.SIGINT
+    """The end of a command by a signal; returns the exit code, 128 more than its number."""
     # CPython remembers a KeyboardInterrupt that has left a text given to `exec`, as the standard
     # library has some, also where it was caught. It would end by the signal, not by an exit code.
     # The next text makes it forget.
     exec('')
-    with contextlib.suppress(OSError):  # the terminal may have gone
-        print(f'alf_ros {command}: stopped by {number.name}', file=sys.stderr, flush=True)
-    return 128 + number
+    if not isinstance(error, Terminated):
+        return 128 + signal.SIGINT
+    with contextlib.suppress(OSError):  # the reader of stderr may have gone
+        print(f'alf_ros {command}: stopped by SIGTERM', file=sys.stderr, flush=True)
+    return 128 + signal.SIGTERM

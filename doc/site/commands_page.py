@@ -45,8 +45,7 @@ def page() -> str:
         '# Commands',
         'Each is `python -m alf_ros <command>`, and `ros2 run alf_ros <command>` in a workspace. '
         'A mistake in the arguments ends in one line, with exit code 2. Ctrl-C and SIGTERM end a '
-        'command with its processes, in one line too, with exit codes 130 and 143; those that are '
-        'nodes end with 0.',
+        'command with its processes, and with exit code 130 or 143; nodes end with 0.',
         table(('command', 'purpose'), rows),
     ]
     for name in COMMANDS:
