@@ -62,7 +62,7 @@ def run(name: str, arguments: list[str]) -> int:
 
 
 def _remedy(error: ImportError) -> str:
-    """What brings the missing library."""
+    """How to get the missing library."""
     missing = (error.name or '').partition('.')[0]
     if missing in _EXTRAS:
         return (

@@ -57,9 +57,9 @@ def put(path: Path, content: str | bytes, beside: Path | None = None) -> None:
 @contextlib.contextmanager
 def replacing(path: Path, beside: Path | None = None) -> Iterator[Path]:
     """As a block: yields the path, of the same suffix, at which the content of a file is written.
-    It takes the place of `path`, and its permissions, at the end of the block, not if the block
-    raises. What cannot be replaced is yielded itself: a pipe, /dev/stdout, a file in a folder that
-    takes no others. Raises OSError, as for a file that may not be written."""
+    At the end of the block it replaces `path` and gets its permissions, but not if the block
+    raises. A pipe, /dev/stdout, or a file in a folder without write permission cannot be replaced,
+    and is yielded itself. Raises OSError, as for a file that may not be written."""
     place = Path(os.path.realpath(path))  # a link stays one
     try:
         mode = os.stat(path).st_mode

@@ -26,7 +26,7 @@ BOTH = pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signa
 
 @BOTH
 def test_workers_end_before_their_command(number: int, code: int, tmp_path: Path) -> None:
-    """They still import: a second, in which none of them hears anything of itself."""
+    """They still import, and do not read their pipes yet."""
     (tmp_path / 'block.yaml').write_text(yaml.safe_dump(sprung_block()), 'utf-8')
     (tmp_path / 'study.yaml').write_text(STUDY, 'utf-8')
     command = [sys.executable, '-m', 'alf_ros', 'optimise', 'study.yaml', '--starts', '2']
@@ -52,7 +52,7 @@ def test_workers_end_before_their_command(number: int, code: int, tmp_path: Path
 
 
 def test_a_worker_ends_with_its_client_while_it_imports(tmp_path: Path) -> None:
-    """Of a package whose import never ends; what was sent to it before is not read."""
+    """Of a package whose import never ends; the message before the end is not read."""
     (tmp_path / 'alf_ros').mkdir()
     stuck = 'import time\nprint("importing", flush=True)\ntime.sleep(1e6)\n'
     (tmp_path / 'alf_ros' / '__init__.py').write_text(stuck, 'utf-8')
