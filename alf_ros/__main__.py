@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from alf_ros.commands import COMMANDS
+from alf_ros.commands import COMMANDS, stop_signals
 from alf_ros.errors import AlfError, InputError, printable, shortened
 from alf_ros.resources import version
 
@@ -62,7 +62,7 @@ def run(name: str, arguments: list[str]) -> int:
 
 
 def _remedy(error: ImportError) -> str:
-    """What brings the missing library."""
+    """How to get the missing library."""
     missing = (error.name or '').partition('.')[0]
     if missing in _EXTRAS:
         return (
@@ -85,14 +85,16 @@ def unless_half_made(unraisable: sys.UnraisableHookArgs) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command `argv[0]` with the rest of `argv` (default: the process's arguments).
 
-    Returns the exit code: 2 for a usage or input error or a missing library, told in one line.
+    Returns the exit code: 2 for a usage or input error or a missing library, or 143 after SIGTERM,
+    both told in one line; 130 after Ctrl-C.
     """
     if sys.unraisablehook is sys.__unraisablehook__:
         sys.unraisablehook = unless_half_made
     name, *rest = (sys.argv[1:] if argv is None else list(argv)) or ['']
     try:
-        code = run(name, rest)
-        sys.stdout.flush()
+        with stop_signals.heard():
+            code = run(name, rest)
+            sys.stdout.flush()
         return code
     except AlfError as error:
         print(f'alf_ros {printable(shortened(name))}: {error}', file=sys.stderr)
@@ -102,8 +104,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f'alf_ros {name}: {error} ({sys.executable}); {_remedy(error)}', file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        return 130
+    except KeyboardInterrupt as error:
+        return stop_signals.stopped(printable(shortened(name)), error)
     except BrokenPipeError:
         # The reader (head, less) has gone. Python flushes once more at exit: let that go nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from alf_ros.errors import InputError
@@ -49,10 +50,31 @@ def put(path: Path, content: str | bytes, beside: Path | None = None) -> None:
     """Write a file beside its place and rename it: `path` holds the whole content, a text in
     UTF-8, or what it held before. `beside`: the name until then, on the same disk, for a folder
     whose readers take all files in it. Raises OSError."""
+    with replacing(path, beside) as target:
+        target.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+@contextlib.contextmanager
+def replacing(path: Path, beside: Path | None = None) -> Iterator[Path]:
+    """As a block: yields the path, of the same suffix, at which the content of a file is written.
+    At the end of the block it replaces `path` and gets its permissions, but not if the block
+    raises. A pipe, /dev/stdout, or a file in a folder without write permission cannot be replaced,
+    and is yielded itself. Raises OSError, as for a file that may not be written."""
     place = Path(os.path.realpath(path))  # a link stays one
-    beside = beside or place.with_name(f'.{place.name}.{os.getpid()}.tmp')
     try:
-        beside.write_bytes(content.encode() if isinstance(content, str) else content)
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        mode = None
+    if mode is not None and not (stat.S_ISREG(mode) and os.access(place.parent, os.W_OK)):
+        yield path
+        return
+    if mode is not None and not os.access(place, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+    beside = beside or place.with_name(f'.{place.stem}.{os.getpid()}.tmp{path.suffix}')
+    try:
+        yield beside
+        if mode is not None:
+            os.chmod(beside, stat.S_IMODE(mode))
         os.replace(beside, place)
     finally:
         with contextlib.suppress(OSError):

@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with ProgressBar(log.path.name) as bar:
             accounts.append(account(log, bar))
     try:
-        target.write_text(page(accounts), 'utf-8')
+        paths.put(target, page(accounts))
     except OSError as error:
         raise InputError(f'cannot be written: {error.strerror}', file=str(target)) from None
     print(f'{target}: {target.stat().st_size / 1e6:.1f} MB{_of_solids(accounts)}')

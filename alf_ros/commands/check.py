@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Sequence
 
+from alf_ros import paths
 from alf_ros.commands.parser import Parser, add_folder, add_numbers, numbers, writing, writing_into
 from alf_ros.inspection import mechanism_plot
 from alf_ros.inspection.soundness import as_data, examine, table
@@ -30,8 +31,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     found = examine(scene)
     print(table(found, scene.name))
     if options.json:
-        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
-            json.dump(as_data(found, scene.name), stream, indent=1)
+        with writing('--json', options.json):
+            text = json.dumps(as_data(found, scene.name), indent=1)
+            paths.put(paths.named(options.json), text)
     with writing_into(options.folder) as folder:
         path = folder / f'{scene.name}.png'
         try:

@@ -142,7 +142,7 @@ class _Lines:
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._bar.clear()
-        if kind is KeyboardInterrupt and self.last is not None:
+        if kind and issubclass(kind, KeyboardInterrupt) and self.last is not None:
             self._bar.line(
                 f'stopped; {self._folder} keeps {self.last.done} of {self.last.members} members, '
                 'the same command continues'

@@ -6,6 +6,7 @@ import json
 from argparse import Namespace
 from collections.abc import Sequence
 
+from alf_ros import paths
 from alf_ros.commands.parser import Parser, add_numbers, numbers, refuse_given, writing
 from alf_ros.errors import InputError
 from alf_ros.scene.library import load
@@ -57,8 +58,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             found = (equilibrium(scene, t=options.at, nearest=options.nearest),)
     print('\n\n'.join(report(each) for each in found))
     if options.json:
-        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
-            json.dump([as_data(each) for each in found], stream, indent=1)
+        with writing('--json', options.json):
+            text = json.dumps([as_data(each) for each in found], indent=1)
+            paths.put(paths.named(options.json), text)
     return 0
 
 

@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for key, path, content in (('-o', options.output, text), ('--loops', options.loops, side)):
         if path is not None:
             with writing(key, path):
-                paths.named(path).write_text(content, encoding='utf-8')
+                paths.put(paths.named(path), content)
     if options.output is None:
         print(text, end='')
     for line in dict.fromkeys(left_out):

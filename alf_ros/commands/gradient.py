@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
+from alf_ros import paths
 from alf_ros.commands.parser import add_trust, of_log, writing
 from alf_ros.errors import StepError
 from alf_ros.logs import load
@@ -55,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f'the run is not resolved: {found.trouble}')
     if options.json:  # last: what cannot be written must not take the numbers along
         told = {'of': found.of, 'value': found.value, 'unit': found.unit, 't': found.t}
-        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
-            json.dump({**told, 'by': dict(found.by)}, stream, indent=1)
+        with writing('--json', options.json):
+            text = json.dumps({**told, 'by': dict(found.by)}, indent=1)
+            paths.put(paths.named(options.json), text)
     return 0

@@ -124,7 +124,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(text, end='')
     else:
         with writing('-o', options.output):
-            paths.named(options.output, '-o').write_text(text, encoding='utf-8')
+            paths.put(paths.named(options.output, '-o'), text)
     for line in text.split('\n')[1:]:
         if not line.startswith('#'):
             break
@@ -158,9 +158,10 @@ def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
     print(f'\n{corpus.total(found)}')
     if options.output is not None:
         path = paths.named(options.output, '-o')
-        with writing('-o', options.output), path.open('w', encoding='utf-8') as stream:
-            print(about(), file=stream)
-            corpus.write(stream, found)
+        with writing('-o', options.output), paths.replacing(path) as target:
+            with target.open('w', encoding='utf-8') as stream:
+                print(about(), file=stream)
+                corpus.write(stream, found)
     return 0 if all(each.result == corpus.OK for each in found) else 1
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
+from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
 from alf_ros.scene.library import load
@@ -44,12 +44,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     print('\n'.join([f'at rest, {rest.stability}', *(f'note: {note}' for note in rest.notes)]))
     print(_table(found))
     if options.json:
-        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
-            json.dump(_data(found), stream, indent=1, allow_nan=False)
+        with writing('--json', options.json):
+            text = json.dumps(_data(found), indent=1, allow_nan=False)
+            paths.put(paths.named(options.json), text)
     if options.html:
         title = f'{scene.name}: modes at rest, {rest.stability}'
         with writing('--html', options.html):
-            Path(options.html).write_text(page(found, title, rest.notes), 'utf-8')
+            paths.put(paths.named(options.html), page(found, title, rest.notes))
     return 0
 
 

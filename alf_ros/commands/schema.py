@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from alf_ros import effects
+from alf_ros import effects, paths
 from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.scene.json_schema import mechanism_schema, scene_schema, text
 
@@ -25,6 +25,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     made = {'mechanism': mechanism_schema(), 'scene': scene_schema(effects.kinds())}
     with writing_into(options.folder) as folder:
         for name, schema in made.items():
-            (folder / f'{name}.json').write_text(text(schema), encoding='utf-8')
+            paths.put(folder / f'{name}.json', text(schema))
     print(f'mechanism.json and scene.json in {folder}')
     return 0

@@ -12,6 +12,7 @@ import math
 import sys
 from collections.abc import Sequence
 
+from alf_ros import paths
 from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
@@ -105,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f'{work_report.sentence(summary)} ({new} of {total} settings measured now)')
             summaries.append(summary)
         report = work_report.markdown(summaries, about())
-        (folder / 'work_precision.md').write_text(report, encoding='utf-8')
+        paths.put(folder / 'work_precision.md', report)
         try:
             for summary in summaries:
                 pictures = [folder / f'{summary.scene}.{kind}' for kind in ('png', 'svg')]

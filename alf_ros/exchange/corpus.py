@@ -10,6 +10,7 @@ import csv
 import multiprocessing
 import os
 import resource
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -100,18 +101,21 @@ def examined(
     )  # matrices are small, and cores are for others
     context = multiprocessing.get_context('forkserver')
     context.set_forkserver_preload([__name__])
-    first = context.Process(target=_compile)  # once, of any duration
+    first = context.Process(target=_compile, daemon=True)  # once, of any duration
     first.start()
     first.join()
     for path in files_below(folder):
         name = str(path.relative_to(folder))
         mine, its = context.Pipe(duplex=False)
-        process = context.Process(target=_work, args=(its, str(path), name, dict(wishes), limits))
+        work = its, str(path), name, dict(wishes), limits
+        process = context.Process(target=_work, args=work, daemon=True)
         process.start()
         its.close()
-        found = _answer(mine, Examined(name, LIMIT, 'starting'), limits.seconds)
-        process.kill()
-        process.join()
+        try:
+            found = _answer(mine, Examined(name, LIMIT, 'starting'), limits.seconds)
+        finally:
+            process.kill()
+            process.join()
         yield found
 
 
@@ -137,7 +141,8 @@ def _answer(mine: Pipe, found: Examined, seconds: float) -> Examined:
 def _work(
     answer: Pipe, path: str, name: str, wishes: dict[str, Any], limits: ExaminationLimits
 ) -> None:
-    """Treat one file, in a process that may come to grief."""
+    """Treat one file, in a process that may come to grief. It ends with the one that began it."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     resource.setrlimit(resource.RLIMIT_AS, (limits.memory, limits.memory))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what libraries print
     try:
@@ -148,6 +153,13 @@ def _work(
     except Exception as error:  # a fault of this package: the table shows it, and continues
         message = ' '.join(f'{type(error).__name__}: {error}'.split())
         answer.send(Examined(name, BROKEN, message))
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _treated(

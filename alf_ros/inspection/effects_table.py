@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from alf_ros import effects
+from alf_ros import effects, paths
 from alf_ros.inspection.effect_costs import EffectCosts
 from alf_ros.simulation.stiffness import Mode
 
@@ -89,7 +89,10 @@ def _exact(mode: Mode) -> list[str]:
 
 def write(path: Path, found: EffectCosts, about: str) -> None:
     """Write the costs as CSV below the comment line `about`. Raises OSError."""
-    with open(path, 'w', newline='', encoding='utf-8') as stream:
+    with (
+        paths.replacing(path) as target,
+        open(target, 'w', newline='', encoding='utf-8') as stream,
+    ):
         print(about, file=stream)
         writer = csv.writer(stream, lineterminator='\n')
         writer.writerow(_COLUMNS)

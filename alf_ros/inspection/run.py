@@ -302,7 +302,10 @@ def write_columns(columns: Mapping[str, Floats], path: str | Path) -> Path:
     """
     file, lists = paths.named(path), (column.tolist() for column in columns.values())
     try:
-        with open(file, 'w', newline='', encoding='utf-8') as stream:
+        with (
+            paths.replacing(file) as target,
+            open(target, 'w', newline='', encoding='utf-8') as stream,
+        ):
             writer = csv.writer(stream)
             writer.writerow(columns)
             writer.writerows(zip(*lists, strict=True))

@@ -20,6 +20,7 @@ from alf_ros.errors import InputError
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
 from alf_ros.logs.series import NUMERIC, Series
+from alf_ros.paths import put, replacing
 
 if TYPE_CHECKING:
     import pandas
@@ -51,7 +52,8 @@ def to_csv(log: Log, folder: Path, report: progress.Report = progress.silent) ->
             for series, path in _numeric(log, folder, '.csv', report):
                 columns = table(log, series)
                 if series.topic not in writers:
-                    stream = files.enter_context(open(path, 'w', newline='', encoding='utf-8'))
+                    target = files.enter_context(replacing(path))
+                    stream = files.enter_context(open(target, 'w', newline='', encoding='utf-8'))
                     writers[series.topic] = csv.writer(stream)
                     writers[series.topic].writerow(columns)
                     paths.append(path)
@@ -80,7 +82,8 @@ def to_parquet(log: Log, folder: Path, report: progress.Report = progress.silent
                 columns = {key: np.ascontiguousarray(c) for key, c in table(log, series).items()}
                 made = pyarrow.table(columns)
                 if series.topic not in writers:
-                    writer = pyarrow.parquet.ParquetWriter(path, made.schema)
+                    target = files.enter_context(replacing(path))
+                    writer = pyarrow.parquet.ParquetWriter(target, made.schema)
                     writers[series.topic] = files.enter_context(writer)
                     paths.append(path)
                 writers[series.topic].write_table(made)
@@ -93,7 +96,7 @@ def _inputs(log: Log, folder: Path) -> Path:
     path = folder / 'inputs.jsonl'
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(''.join(f'{json.dumps(entry)}\n' for entry in log.inputs), 'utf-8')
+        put(path, ''.join(f'{json.dumps(entry)}\n' for entry in log.inputs))
     except OSError as error:
         raise InputError(f'cannot be written: {error.strerror}', file=str(folder)) from None
     return path

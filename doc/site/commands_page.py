@@ -44,7 +44,8 @@ def page() -> str:
     parts = [
         '# Commands',
         'Each is `python -m alf_ros <command>`, and `ros2 run alf_ros <command>` in a workspace. '
-        'A mistake in the arguments ends in one line, with exit code 2.',
+        'A mistake in the arguments ends in one line, with exit code 2. Ctrl-C and SIGTERM end a '
+        'command with its processes, and with exit code 130 or 143; nodes end with 0.',
         table(('command', 'purpose'), rows),
     ]
     for name in COMMANDS:

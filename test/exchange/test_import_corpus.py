@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,6 +58,21 @@ def test_a_file_that_takes_too_long_or_is_broken(tmp_path: Path) -> None:
     assert corpus.row(found).startswith('| broken.urdf | refused: not XML')
     assert corpus.row(replace(found, file='a|b\nc')).startswith('| a/b\\nc | refused')
     assert corpus.total([found]) == '1 files: 1 refused'
+
+
+def test_an_examination_that_is_stopped_leaves_no_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / 'broken.urdf').write_text('<robot name="r"><link', encoding='utf-8')
+
+    def stop(*_: object) -> None:
+        assert len(multiprocessing.active_children()) == 1
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(corpus, '_answer', stop)
+    with pytest.raises(KeyboardInterrupt):
+        next(corpus.examined(tmp_path, {'scene': True}, corpus.ExaminationLimits()))
+    assert not multiprocessing.active_children()
 
 
 def test_a_mechanism_too_large_to_examine_is_not_unsound(monkeypatch: pytest.MonkeyPatch) -> None:

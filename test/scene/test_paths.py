@@ -12,6 +12,7 @@ from alf_ros.__main__ import main
 from alf_ros.errors import StepError
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.scene.text import number_table, yaml_document
+from support.full_disk import small_files
 
 NOWHERE = [
     '~nobody-of-this-name/x.yaml',
@@ -95,3 +96,73 @@ def test_names_cannot_move_the_cursor(name: str) -> None:
     ):
         assert str(error).isprintable()
         assert str(error).encode()  # whatever the terminal, it can be written
+
+
+def test_a_file_is_replaced_as_a_whole_or_not_at_all(folder: Path) -> None:
+    """Where a link leads, with the permissions it had; nothing stays beside it."""
+    place, link = folder / 'place.txt', folder / 'link.npz'
+    place.write_text('before')
+    place.chmod(0o640)
+    link.symlink_to(place)
+    with pytest.raises(KeyboardInterrupt), paths.replacing(link) as target:
+        assert target.suffix == '.npz'
+        target.write_text('half')
+        assert place.read_text() == 'before'
+        raise KeyboardInterrupt
+    assert place.read_text() == 'before'
+    paths.put(link, 'after')
+    assert link.is_symlink() and place.read_text() == 'after'
+    assert place.stat().st_mode & 0o777 == 0o640
+    with pytest.raises(IsADirectoryError):
+        paths.put(folder / 'folder.yaml', 'text')
+    with pytest.raises(OSError):
+        paths.put(folder / 'circle.yaml', 'text')
+    assert (folder / 'circle.yaml').is_symlink()
+    assert not list(folder.glob('.*'))
+
+
+def test_what_is_no_file_is_written_itself(folder: Path) -> None:
+    """A pipe stays one, as /dev/null does."""
+    reader = os.open('pipe.yaml', os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        paths.put(Path('pipe.yaml'), 'a text')
+        assert os.read(reader, 100) == b'a text'
+    finally:
+        os.close(reader)
+    assert Path('pipe.yaml').is_fifo() and not list(folder.glob('.*'))
+    reader, writer = os.pipe()
+    try:
+        paths.put(Path(f'/dev/fd/{writer}'), 'a text')  # as /dev/stdout, which leads to no name
+        assert os.read(reader, 100) == b'a text'
+    finally:
+        os.close(reader)
+        os.close(writer)
+    before = os.stat('/dev/null')
+    paths.put(Path('/dev/null'), 'a text')
+    assert os.stat('/dev/null').st_rdev == before.st_rdev
+
+
+def test_results_that_find_the_disk_full_keep_what_was_there(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    over = ['--over', 'gravity.acceleration.1', '--to', '-9.7']
+    for verb, arguments, option in (
+        ('equilibrium', ['double_four_bar'], '--json'),
+        ('equilibrium', ['double_four_bar', *over], '--csv'),
+        ('modes', ['double_four_bar'], '--html'),
+        ('linearise', ['double_four_bar'], '--output'),
+        ('atlas', ['slider_crank'], '--csv'),
+        ('export', ['slider_crank'], '-o'),
+        ('schema', [], '--folder'),
+    ):
+        place = folder / 'results'
+        place.mkdir(exist_ok=True)
+        given = [verb, *arguments, option, str(place if verb == 'schema' else place / 'it.json')]
+        assert main(given) == 0
+        before = {file: file.read_bytes() for file in place.iterdir()}
+        capsys.readouterr()
+        with small_files(64):
+            assert main(given) == 2
+        told = capsys.readouterr().err
+        assert told.count(f'{option}: ') == 1 and told.endswith('\n'), told
+        assert {file: file.read_bytes() for file in place.iterdir()} == before

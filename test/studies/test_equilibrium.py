@@ -18,7 +18,7 @@ from alf_ros import (
     modes,
 )
 from alf_ros.effects.contract.trajectory import through
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.studies.statics import descent, newton_rest
 from alf_ros.studies.statics.instant import angles
 from alf_ros.studies.statics.positions_of_rest import beginning
@@ -66,6 +66,42 @@ def test_a_descent_ends_in_a_stable_position() -> None:
     found = equilibrium(sprung('four_bar'))
     np.testing.assert_allclose(found.points['B'], points_of(known)['B'], rtol=0.0, atol=1e-11)
     assert found.stability == 'stable'
+
+
+CROSSED = """
+mechanism:
+  alf: 1
+  space: spatial
+  points: {O: {at: [0, 0, 0], fixed: true}, A: {at: [0.3, 0, 0]}}
+  bodies:
+    one: {points: [O, A], mass: 1, inertia: {about_com: [1, 1, 1]}, com: [0.1, 0.02, 0.05]}
+    two: {points: [A], mass: 2, inertia: {about_com: [1, 1, 1]}, com: [0.05, 0.1, -0.03]}
+  joints:
+    first: {type: revolute, between: [ground, one], at: O, axis: [0, 1, 0]}
+    second: {type: revolute, between: [one, two], at: A, axis: [1, 0, 0]}
+effects: {gravity: {acceleration: [0, 0, -9.81]}}
+"""
+
+
+def test_bodies_at_rest_are_neither_mirrored_nor_turned_round() -> None:
+    """Two crossed hinges: rests of the closed form V / g = b cos q1 - a sin q1, each of them once;
+    b depends on q2, the turn of the second mass centre about the axis x of the first body."""
+    found = equilibria(scene_from_text(CROSSED), starts=12)
+    r, a = np.hypot(0.1, 0.03), 0.1 + 2.0 * (0.3 + 0.05)
+    top = np.arctan2(0.1, -0.03)  # of the second mass centre along z of the first body
+    wanted = []
+    for q2, b in ((top, 0.05 + 2.0 * r), (top + np.pi, 0.05 - 2.0 * r)):
+        wanted += [(np.arctan2(-a, b) + up, q2) for up in (0.0, np.pi)]
+    level = np.arccos(-0.025 / r)  # b = 0: the first body hangs or stands, x along the vertical
+    wanted += [(q1, top + q2) for q1 in (0.5 * np.pi, -0.5 * np.pi) for q2 in (level, -level)]
+    places = []
+    for each in found:
+        at = [each.joints[name].position for name in ('first', 'second')]
+        apart = np.abs(np.exp(1j * np.subtract(wanted, at)) - 1.0).max(axis=1)
+        assert apart.min() < 1e-9
+        places.append(int(apart.argmin()))
+    assert len(set(places)) == len(places) > 2
+    assert [each.stability for each in found] == ['stable', *['unstable'] * (len(found) - 1)]
 
 
 def test_several_starts_find_all_that_are_known() -> None:

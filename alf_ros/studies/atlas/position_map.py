@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from os import PathLike
-from pathlib import Path
+from os import PathLike, fspath
 
 import numpy as np
 
+from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.mechanism import Mechanism
@@ -138,13 +138,13 @@ class Atlas:
         """Write all positions as a table, a line each."""
         from alf_ros.studies.atlas.map_table import lines
 
-        Path(file).write_text('\n'.join(lines(self)) + '\n', 'utf-8')
+        paths.put(paths.named(fspath(file), 'file'), '\n'.join(lines(self)) + '\n')
 
     def write_html(self, file: str | PathLike[str]) -> None:
         """Write one HTML page that needs nothing else."""
         from alf_ros.studies.atlas.map_page import page
 
-        Path(file).write_text(page(self), 'utf-8')
+        paths.put(paths.named(fspath(file), 'file'), page(self))
 
 
 def atlas(

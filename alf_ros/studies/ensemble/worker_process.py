@@ -1,8 +1,9 @@
 """A worker process: chunk numbers come in on stdin, chunks go out on stdout.
 
 A message is its length (8 bytes) and a pickle. The first one in is the pair of a function and a
-study; for each number the result of the function goes out. The process ends as
-soon as stdin closes, which it does when the process that began it has gone, however that ended.
+study; for each number the result of the function goes out. The process ends as soon as stdin
+closes, also while it still imports. It closes when the process that began this one has gone,
+however that ended.
 """
 
 from __future__ import annotations
@@ -10,18 +11,32 @@ from __future__ import annotations
 import os
 import pickle
 import queue
-import signal
 import struct
 import sys
 import threading
 from typing import IO, Any
 
 _LENGTH = struct.Struct('<Q')
-# Run with -c, so that the worker looks where the client does, and nowhere before.
-COMMAND = (
-    'import sys; sys.path[:] = sys.argv[1:]; '
-    'from alf_ros.studies.ensemble.worker_process import main; main()'
-)
+# Run with -c, so that the worker looks where the client does, and nowhere before. The imports take
+# seconds, in which nothing reads stdin: its end is seen behind what waits there. Ctrl-C is the
+# client's, which ends the worker.
+COMMAND = """
+import sys
+sys.path[:] = sys.argv[1:]
+import os, select, signal, threading
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+def watch():
+    end = select.poll()
+    end.register(0, 0)
+    end.poll()
+    os._exit(0)
+
+threading.Thread(target=watch, daemon=True).start()
+from alf_ros.studies.ensemble.worker_process import main
+main()
+"""
 
 
 def send(stream: IO[bytes], message: Any) -> None:
@@ -42,7 +57,6 @@ def receive(stream: IO[bytes]) -> Any:
 
 def main() -> None:
     """Run chunks until stdin closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the client's, which ends this
     with os.fdopen(os.dup(1), 'wb') as out:
         os.dup2(2, 1)  # what a function of the user prints
         waiting: queue.SimpleQueue[Any] = queue.SimpleQueue()

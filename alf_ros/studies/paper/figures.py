@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros import paths
 from alf_ros.studies.paper.formulations import ComparedMotion, FormulationComparison
 from alf_ros.studies.paper.published import PublishedSetting
 from alf_ros.studies.paper.scan import LITERAL
@@ -56,7 +57,10 @@ class Figure:
         columns += [f'{example.coordinate} {unit}' for unit in ('m', 'm/s', 'm/s2')]
         columns += ['energy_J', *(f'lambda {row}' for row in example.rows)]
         columns += ['position_error_m', 'energy_error_J', 'constraint_error_m']
-        with open(path, 'w', newline='', encoding='utf-8') as stream:
+        with (
+            paths.replacing(path) as target,
+            open(target, 'w', newline='', encoding='utf-8') as stream,
+        ):
             writer = csv.writer(stream, lineterminator='\n')
             writer.writerow([column.replace(' ', '_') for column in columns])
             for curve in self.curves:

@@ -256,7 +256,10 @@ class EquilibriumPath:
         then all positions, joints and reactions. Raises OSError if it cannot be written."""
         columns, names = self.columns(), {event.index: event.name for event in self.events}
         lowest = self.stiffness[:, 0]
-        with open(paths.named(path, 'path'), 'w', encoding='utf-8', newline='') as stream:
+        with (
+            paths.replacing(paths.named(path, 'path')) as target,
+            open(target, 'w', encoding='utf-8', newline='') as stream,
+        ):
             table = csv.writer(stream)
             table.writerow([self.over, 'stability', 'stiffness', 'event', *columns])
             for k, value in enumerate(self.values):

@@ -30,7 +30,8 @@ def write(model: LinearModel, path: str | Path) -> Path:
         raise InputError(
             'not a kind of file', value=path.name, expected=' or '.join(sorted(_WRITERS))
         )
-    _WRITERS[path.suffix](model, path)
+    with paths.replacing(path) as target:
+        _WRITERS[path.suffix](model, target)
     return path
 
 

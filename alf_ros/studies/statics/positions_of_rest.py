@@ -19,6 +19,7 @@ from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.branch_words import moving
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.rotors import without_rotors
+from alf_ros.model.handedness import Handedness
 from alf_ros.model.prescribed import driven_angles, prescribe
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
@@ -35,6 +36,7 @@ from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stabi
 from alf_ros.studies.statics.turned_starts import counting, turned_starts
 
 _SAME = 1e-6  # of the size, between positions that count as one
+_TRIES, _SHORTER = 10, 0.6  # of a random displacement, each shorter by this factor
 # of the acceleration without rows, from which down a singular position is looked for
 _NEAR_SINGULAR = 1e-3
 _NEARER = 'start nearer to one (`initial`), or take several starts (`equilibria`)'
@@ -144,10 +146,13 @@ def equilibria(
 
     Where forces count turns, as torsion springs do, it also searches from the start a turn later
     and earlier about each such angle, and from random positions there; positions a turn apart are
-    two. It is a search: more starts may find more. Raises as `equilibrium` if none is found.
+    two. No body of a random position is mirrored or turned round in its joint: in space these lie
+    nearer to the start. It is a search: more starts may find more. Raises as `equilibrium` if none
+    is found.
     """
     simulation, start = beginning(scene, t)
     model, random = simulation.model, np.random.default_rng(whole(seed, 'seed', 0))
+    hands = Handedness(model)
     found: list[Equilibrium] = []
     refused: InputError | None = None
     count, which = whole(starts, 'starts', 0), counting(start)
@@ -157,7 +162,7 @@ def equilibria(
         away = 0.5 * model.size * random.standard_normal(model.n)
         for base in [start, *turned[k % max(len(turned), 1) :][:1]]:
             with suppress(AssemblyError):
-                begins.append(moved(base, away))  # gears stay in mesh
+                begins += _random_start(base, hands, away)
     for begin in begins:
         for search in (descended, nearest_rest):
             try:
@@ -165,12 +170,26 @@ def equilibria(
             except InputError as error:
                 refused = refused or error
                 continue
+            if hands.is_mirrored(each.state.q):
+                continue
             if not any(_is_same(model.size, which, each, other) for other in found):
                 found.append(each)
     if not found:
         raise refused or InputError('no position of rest was found', key='starts', value=starts)
     order = {'stable': 0, NEUTRAL: 1}
     return tuple(sorted(found, key=lambda e: (order.get(e.stability, 2), e.sample.energy)))
+
+
+def _random_start(base: Instant, hands: Handedness, away: Floats) -> list[Instant]:
+    """A position after a random displacement (n,) of the coordinates, m; or after a part of it, if
+    loops close there only with a body mirrored or turned round in its joint; else none. Raises
+    AssemblyError if they do not close."""
+    for _ in range(_TRIES):
+        begin = moved(base, away)  # gears stay in mesh
+        if not hands.is_mirrored(begin.q):
+            return [begin]
+        away = _SHORTER * away
+    return []
 
 
 def _is_same(size: float, which: Chosen, one: Equilibrium, other: Equilibrium) -> bool:

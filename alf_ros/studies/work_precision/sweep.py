@@ -10,6 +10,7 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
+from alf_ros import paths
 from alf_ros.digest import digest
 from alf_ros.logs.progress import Announce, silent
 from alf_ros.logs.provenance import about
@@ -50,7 +51,10 @@ class Store:
                 whole = list(row) == COLUMNS and None not in row.values()
                 if whole and row['version'] == identity():
                     self.rows[_key(row)] = row
-        with open(path, 'w', newline='', encoding='utf-8') as stream:
+        with (
+            paths.replacing(path) as target,
+            open(target, 'w', newline='', encoding='utf-8') as stream,
+        ):
             print(self._about, file=stream)
             writer = csv.DictWriter(stream, COLUMNS, lineterminator='\n')
             writer.writeheader()
