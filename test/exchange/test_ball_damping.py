@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from alf_ros import InputError
+from alf_ros.arrays import Floats
 from alf_ros.exchange.import_file import imported
 from support.imported_motions import saved, simulate
 
@@ -27,12 +28,12 @@ MJCF = f"""<mujoco><worldbody><body name="a"><joint name="b1" type="ball" dampin
 </mujoco>"""
 
 
-def reference(seconds: float) -> tuple[np.ndarray, float]:
+def reference(seconds: float) -> tuple[Floats, float]:
     """The place of the second body's frame, m, and the angle h, by MuJoCo's accelerations."""
     model = mujoco.MjModel.from_xml_string(MJCF)
     data = mujoco.MjData(model)
 
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
+    def rate(_: float, y: Floats) -> Floats:
         data.qpos[:], data.qvel[:] = y[:5], y[5:]
         mujoco.mj_normalizeQuat(model, data.qpos)
         mujoco.mj_forward(model, data)
