@@ -151,7 +151,7 @@ def changed(
 
 
 def _new_link(wanted: str, links: set[str]) -> str:
-    """A free name of a link, which is added to those of the file."""
+    """A free name of a link, which is added to `links`."""
     name = free_name(wanted, links)
     links.add(name)
     return name

@@ -1,4 +1,4 @@
-"""Ticks that take minutes: the node answers meanwhile, and what it logs verifies."""
+"""Ticks of many steps: the node answers during them, and their log verifies."""
 
 import time
 

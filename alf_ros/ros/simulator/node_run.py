@@ -32,9 +32,9 @@ _GROWTH = 8  # of the steps between two looks at the clock
 class NodeRun:
     """Ticks of a setup; after `duration` (simulated s, 0: never) it is `over`.
 
-    A tick that takes longer than `BURST` is made in parts, and `under_way` between them. A failed
-    step leaves the last good state and its reason in `failure`. Every `begin` makes a log of its
-    own in `log_folder`, so that a log is always one run from its start.
+    A tick of more than `BURST` is made in parts, and `under_way` between them. A failed step
+    leaves the last good state and its reason in `failure`. Every `begin` makes a log of its own in
+    `log_folder`, so that a log is always one run from its start.
     """
 
     def __init__(
