@@ -8,12 +8,23 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from alf_ros.exchange.robot import GROUND, Actuator, Connection, FramePose, Robot, Tendon
+import numpy as np
+
+from alf_ros.exchange.robot import (
+    GROUND,
+    Actuator,
+    Connection,
+    FramePose,
+    Robot,
+    RobotPart,
+    Tendon,
+)
 from alf_ros.scene.text.repetition import NAME
 
 _LOSSES = 10.0  # s/m: no impact leaves the ground faster than 0.1 m/s
 _DRAWN = 1e-6  # m: depth as drawn that is not worth a word
 _BEYOND = 1e-6  # rad or m: as drawn behind a limit that is not worth a word
+_NOTHING = 1e-12  # part of the largest moment of inertia that is rounding
 _DIGITS = 15  # of m, for places on bodies: what is less is rounding
 
 
@@ -37,6 +48,8 @@ def entries(
 ) -> dict[str, Any]:
     """Effects, by kind and name. stops, contact: stiffnesses, see `mechanism_text.text`."""
     effects = _of_joints(robot, named.joints, stops)
+    if drags := _of_balls(robot, named):
+        effects['drag'] = drags
     tendons = _tendons(robot, named, stops)
     effects |= {'tendon': tendons} if tendons else {}
     if contact is not None and robot.touches:
@@ -155,7 +168,7 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
     for c in robot.connections:
         _check(robot, c)
         joint = {'joint': joints[c.name]}
-        if c.damping or c.friction:
+        if (c.damping or c.friction) and c.kind != 'spherical':
             rubs = {'viscous': c.damping} if c.damping else {}
             if c.friction:
                 robot.leave('law of dry friction', c.name)
@@ -178,6 +191,27 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
             _leave_beyond(robot, c.name, c.drawn, c.limits)
     motors = _motors(robot, joints)
     return effects | ({'motor': motors} if motors else {})
+
+
+def _of_balls(robot: Robot, named: Named) -> dict[str, dict[str, Any]]:
+    """The damping -d ω of balls against the ground, as drag of the rotation of their parts. Those
+    between two parts, or of a part that turns without inertia, are listed."""
+    turning = {part.name for part in robot.parts if _turns(part)}
+    drags = {}
+    for c in robot.connections:
+        if c.kind != 'spherical' or not c.damping:
+            continue
+        if c.parent == GROUND and c.child in turning:
+            drags[named.joints[c.name]] = {'on': named.bodies[c.child], 'spin': c.damping}
+        else:
+            robot.leave('damping of balls', c.name)
+    return drags
+
+
+def _turns(part: RobotPart) -> bool:
+    """Whether a part has inertia about every axis, so that its rotation is determined."""
+    moments = np.linalg.eigvalsh(part.inertia)
+    return bool(moments[0] > _NOTHING * moments[-1])
 
 
 def _check(robot: Robot, c: Connection) -> None:

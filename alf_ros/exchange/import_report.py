@@ -90,6 +90,8 @@ MOTION = {
     'limits: there are none': 'the format asks for some: these joints move without end',
     'limits without range': 'lower is not below upper: nothing stops them',
     'limits, damping, friction, springs, armature': 'these joints have none',
+    'damping of balls': 'between two moving bodies, or of one that turns without inertia: these '
+    'balls turn without it, and the motion keeps the energy that it takes',
     'mimic': 'these joints are free',
     'mimic that loops imply': 'the loops move these joints',
     'phase of mimic': 'it stays as drawn, not as in the file',

@@ -197,7 +197,9 @@ class _Reader:
                 self.robot.parts.append(RobotPart(child, place, 0.0, place, np.zeros((3, 3))))
             if model.jnt_type[joint] == kinds.mjJNT_BALL:
                 self._leave_dynamics(joint)
-                self.robot.connect(Connection(name, 'spherical', below, child, place))
+                damping = float(np.ravel(model.dof_damping[model.jnt_dofadr[joint]])[0])
+                ball = Connection(name, 'spherical', below, child, place, damping=damping)
+                self.robot.connect(ball)
             else:
                 self.robot.connect(self._single(joint, below, child))
             below = child
@@ -237,12 +239,13 @@ class _Reader:
         )
 
     def _leave_dynamics(self, joint: int) -> None:
-        """Note forces on a joint with several freedoms."""
+        """Note forces on a joint with several freedoms; a ball has its damping."""
         model, dof = self.model, self.model.jnt_dofadr[joint]
+        free = model.jnt_type[joint] == self.mujoco.mjtJoint.mjJNT_FREE
         acting = (
             model.dof_armature[dof],
             model.dof_frictionloss[dof],
-            model.dof_damping[dof],
+            model.dof_damping[dof] if free else 0.0,
             model.dof_dampingpoly[dof],
             model.jnt_stiffness[joint],
             model.jnt_stiffnesspoly[joint],

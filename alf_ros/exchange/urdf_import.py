@@ -29,6 +29,7 @@ from alf_ros.exchange import (
 from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import GROUND, STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.exchange.sdf_values import numbers
+from alf_ros.exchange.urdf_joint_types import Thread
 from alf_ros.exchange.urdf_motions import TreeMotion
 from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 
@@ -93,10 +94,12 @@ class UrdfReader:
         follows: Collection[str] = (),
     ) -> None:
         self.file = str(path)
-        self.xml, self.urdf, kinds, self._pitch, absent = _parsed(path, arguments, types or {})
+        self.xml, self.urdf, kinds, self._threads, damping, absent = _parsed(
+            path, arguments, types or {}
+        )
         self._balls = urdf_joint_types.balls(kinds)
-        self._screws = urdf_joint_types.screws(kinds)
-        self._endless = urdf_joint_types.slides(kinds)
+        self._screws = {name: (name, each.slide) for name, each in self._threads.items()}
+        self._endless = urdf_joint_types.slides(kinds, self._threads)
         self._follows = follows
         self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
         for kind, name in absent:
@@ -139,7 +142,7 @@ class UrdfReader:
             if joint.name not in in_rows:
                 self._connect(joint)
         for name, row in self._balls.items():
-            self._connect_ball(name, row)
+            self._connect_ball(name, row, damping.get(name, 0.0))
         self._couple()
         limits = {
             name: joint.limit.effort or None if joint.limit is not None else None
@@ -314,7 +317,7 @@ class UrdfReader:
             dynamics = None
         if joint.type in ('fixed', 'floating'):
             return
-        pitch = self._pitch.get(joint.name, 0.0)
+        pitch = self._threads[joint.name].pitch if joint.name in self._threads else 0.0
         last = self.joints[self._screws[joint.name][-1]] if joint.name in self._screws else joint
         pose = self.poses[last.child]
         turns = joint.limit is not None and joint.type in _LIMITED
@@ -338,11 +341,12 @@ class UrdfReader:
             at=self._at('joint', joint.name),
         )
 
-    def _connect_ball(self, name: str, row: tuple[str, ...]) -> None:
+    def _connect_ball(self, name: str, row: tuple[str, ...], damping: float) -> None:
         first, last = (self.joints[each] for each in (row[0], row[-1]))
         parent, child = self.part_of[first.parent], self.part_of[last.child]
         place = self.poses[last.child].origin
-        self.robot.connect(Connection(name, 'spherical', parent, child, place))
+        ball = Connection(name, 'spherical', parent, child, place, damping=damping)
+        self.robot.connect(ball, at=self._at('joint', row[0]))
 
     def part(
         self, link: str, key: str, at: ElementTree.Element | None = None
@@ -400,9 +404,16 @@ class UrdfReader:
 
 def _parsed(
     path: Path, arguments: Mapping[str, str] | None, types: Mapping[str, str]
-) -> tuple[ElementTree.Element, Any, dict[str, str], dict[str, float], list[tuple[str, str]]]:
+) -> tuple[
+    ElementTree.Element,
+    Any,
+    dict[str, str],
+    dict[str, Thread],
+    dict[str, float],
+    list[tuple[str, str]],
+]:
     """The XML, its reading by urdf_parser_py, the types of joints that URDF does not have, the
-    pitches of screws (m per turn), and kind and name of what it leaves out."""
+    screws, the damping of balls (N m s/rad), and kind and name of what it leaves out."""
     from urdf_parser_py import urdf
     from urdf_parser_py.xml_reflection import core
 
@@ -422,9 +433,11 @@ def _parsed(
             absent.append((_NONE_HERE, name))
         if kind == urdf_joint_types.SCREW and _is_limited(joint):
             absent.append(('limits of screws', name))
+    balls = [each for each in xml.findall('joint') if each.get('type') == 'ball']
+    damping = {each.get('name', ''): _damping(each) for each in balls}
     kinds |= types
-    pitch = urdf_joint_types.pitches(xml, kinds, str(path))
-    xml = urdf_joint_types.changed(xml, kinds, pitch, str(path)) if kinds else xml
+    threads = urdf_joint_types.threads(xml, kinds, str(path))
+    xml = urdf_joint_types.changed(xml, kinds, threads, str(path)) if kinds else xml
     if _lacks_world(xml):
         ElementTree.SubElement(xml, 'link', {'name': _WORLD})
         absent.append(('link of the world: there is none', _WORLD))
@@ -451,15 +464,22 @@ def _parsed(
         core.on_error = told
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
-    return xml, robot, kinds, pitch, absent
+    return xml, robot, kinds, threads, damping, absent
 
 
 def _loses(joint: ElementTree.Element, kind: str) -> bool:
     """Whether a row that stands for a joint lacks something that acts on the joint."""
     if kind == urdf_joint_types.SCREW:
         return False
-    acting = ('friction',) if kind in _DAMPED else ('friction', 'damping')
+    damped = kind in _DAMPED or joint.get('type') == 'ball'
+    acting = ('friction',) if damped else ('friction', 'damping')
     return _rubs(joint, acting) or joint.find('limit') is not None
+
+
+def _damping(ball: ElementTree.Element) -> float:
+    """N m s/rad, of the rotation of a ball of Drake, as Drake has it."""
+    words = urdf_joint_types.dampings(ball)
+    return decimal(words[0]) if words else 0.0
 
 
 def _rubs(joint: ElementTree.Element, acting: Collection[str]) -> bool:

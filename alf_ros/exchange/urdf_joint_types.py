@@ -7,8 +7,8 @@ A universal joint and a ball become a row of `continuous` joints about axes of t
 through links without mass: `name_X`, `name_Y`, `name_Z`. The reader makes one ball of three. The
 damping of a universal joint acts on both of its angles, as in Drake.
 
-A screw becomes a `continuous` joint of its name and a prismatic one, `name_slide`, that mimics it.
-The reader makes one screw of both.
+A screw becomes a `continuous` joint of its name and a prismatic one, `name_slide` or the next free
+name, that mimics it. The reader makes one screw of both.
 
 Drake reads three dampings of a planar joint, along x and y of its plane and about its axis. Such a
 joint becomes a row of two slides and a hinge, each with its damping.
@@ -19,6 +19,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
@@ -27,6 +28,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
 from alf_ros.exchange.decimal_numbers import decimal
+from alf_ros.exchange.robot import free_name
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _AXES = {'X': '1 0 0', 'Y': '0 1 0', 'Z': '0 0 1'}
@@ -40,6 +42,14 @@ PLANAR = 'PLANAR'  # a planar joint with a damping of each of its three freedoms
 _OPPOSITE = 1e-9  # of 1 + z of an axis: it is -z, to which many shortest turns lead
 
 
+@dataclass(frozen=True)
+class Thread:
+    """A screw: its pitch, m per turn, and the name of the joint that slides."""
+
+    pitch: float
+    slide: str
+
+
 def rename(root: ElementTree.Element) -> None:
     """Make `<drake:joint>` of the types above, and planar ones, a `<joint>`: Drake asks for it."""
     for each in root:
@@ -48,10 +58,21 @@ def rename(root: ElementTree.Element) -> None:
 
 
 def named(root: ElementTree.Element) -> dict[str, str]:
-    """The type of each joint, by name; a screw is `continuous`, for it has one coordinate."""
+    """The type of each joint, by name; a screw is `continuous`, for it has one coordinate, and the
+    others of the types above are their rows."""
     rename(root)
     found = {each.get('name', ''): each.get('type', '') for each in root.findall('joint')}
-    return {name: 'continuous' if kind == 'screw' else kind for name, kind in found.items()}
+    for name, kind in stated(root).items():
+        del found[name]
+        found |= {name: 'continuous'} if kind == SCREW else _row(name, kind)
+    return found
+
+
+def _row(name: str, kind: str) -> dict[str, str]:
+    """The joints of the row that stands for a joint, with their types."""
+    row = 'XYZ' if kind == PLANAR else _ROWS[kind]
+    slides = 'XY' if kind == PLANAR else ''
+    return {f'{name}_{x}': 'prismatic' if x in slides else 'continuous' for x in row}
 
 
 def stated(root: ElementTree.Element) -> dict[str, str]:
@@ -68,16 +89,23 @@ def dampings(joint: ElementTree.Element) -> list[str]:
     return [] if dynamics is None else dynamics.get('damping', '').split()
 
 
-def slides(types: Mapping[str, str]) -> set[str]:
+def slides(types: Mapping[str, str], threads: Mapping[str, Thread]) -> set[str]:
     """The slides of the rows of planar joints and screws, which have no limits."""
     planar = {f'{name}_{axis}' for name, kind in types.items() if kind == PLANAR for axis in 'XY'}
-    return planar | {f'{name}_slide' for name, kind in types.items() if kind == SCREW}
+    return planar | {each.slide for each in threads.values()}
 
 
-def pitches(root: ElementTree.Element, types: Mapping[str, str], file: str) -> dict[str, float]:
-    """The pitch of each screw, m per turn. Raises InputError."""
-    screws = (each for each in root.findall('joint') if types.get(each.get('name', '')) == SCREW)
-    return {joint.get('name', ''): _pitch(joint, file) for joint in screws}
+def threads(root: ElementTree.Element, types: Mapping[str, str], file: str) -> dict[str, Thread]:
+    """The screws, by name. Raises InputError."""
+    taken = {each.get('name', '') for each in root.findall('joint')}
+    found = {}
+    for joint in root.findall('joint'):
+        name = joint.get('name', '')
+        if types.get(name) == SCREW:
+            slide = free_name(f'{name}_slide', taken)
+            taken.add(slide)
+            found[name] = Thread(_pitch(joint, file), slide)
+    return found
 
 
 def _pitch(joint: ElementTree.Element, file: str) -> float:
@@ -102,41 +130,53 @@ def _is_pitch(element: ElementTree.Element) -> bool:
 
 
 def changed(
-    root: ElementTree.Element, types: Mapping[str, str], pitch: Mapping[str, float], file: str
+    root: ElementTree.Element, types: Mapping[str, str], threads: Mapping[str, Thread], file: str
 ) -> ElementTree.Element:
-    """A URDF with these joints of another type. pitch: of screws, m per turn. Raises InputError
-    for a joint that it lacks."""
+    """A URDF with these joints of another type. threads: of the screws. Raises InputError for a
+    joint that it lacks."""
     present = {element.get('name', '') for element in root.findall('joint')}
     for name in types:
         if name not in present:
             message = 'the file beside it names a joint that it lacks'
             raise InputError(message, file=file, key='joint_name', value=name, choices=present)
     whole = ElementTree.Element(root.tag, root.attrib)
+    links = {element.get('name', '') for element in root.findall('link')}
     for element in root:
         kind = types.get(element.get('name', '')) if element.tag == 'joint' else None
         if kind == SCREW:
-            whole.extend(_thread(element, pitch[element.get('name', '')]))
+            whole.extend(_thread(element, threads[element.get('name', '')], links))
         else:
-            whole.extend([element] if kind is None else _replaced(element, kind))
+            whole.extend([element] if kind is None else _replaced(element, kind, links))
     return whole
 
 
-def _thread(joint: ElementTree.Element, pitch: float) -> Iterator[ElementTree.Element]:
+def _new_link(wanted: str, links: set[str]) -> str:
+    """A free name of a link, which is added to `links`."""
+    name = free_name(wanted, links)
+    links.add(name)
+    return name
+
+
+def _thread(
+    joint: ElementTree.Element, thread: Thread, links: set[str]
+) -> Iterator[ElementTree.Element]:
     name = joint.get('name', '')
-    slide, between = f'{name}_slide', f'{name}_slide_link'
+    between = _new_link(f'{name}_slide_link', links)
     axis = joint.findall('axis')
     turns = xml_file.beside(joint, joint.attrib | {'type': 'continuous'})
     turns.extend(each for each in joint if each.tag != 'child' and not _is_pitch(each))
     ElementTree.SubElement(turns, 'child', {'link': between})
-    slides = xml_file.beside(joint, {'name': slide, 'type': 'prismatic'})
+    slides = xml_file.beside(joint, {'name': thread.slide, 'type': 'prismatic'})
     ElementTree.SubElement(slides, 'parent', {'link': between})
     slides.extend([*joint.findall('child'), *axis])
-    follows = {'joint': name, 'multiplier': repr(pitch / (2.0 * math.pi))}
+    follows = {'joint': name, 'multiplier': repr(thread.pitch / (2.0 * math.pi))}
     ElementTree.SubElement(slides, 'mimic', follows)
     yield from (turns, ElementTree.Element('link', {'name': between}), slides)
 
 
-def _replaced(joint: ElementTree.Element, kind: str) -> Iterator[ElementTree.Element]:
+def _replaced(
+    joint: ElementTree.Element, kind: str, links: set[str]
+) -> Iterator[ElementTree.Element]:
     name = joint.get('name', '')
     if kind == 'FIXED':
         fixed = copy.deepcopy(joint)
@@ -144,21 +184,21 @@ def _replaced(joint: ElementTree.Element, kind: str) -> Iterator[ElementTree.Ele
         yield fixed
         return
     ends = [each.get('link', '') for side in ('parent', 'child') for each in joint.findall(side)]
-    row = 'XYZ' if kind == PLANAR else _ROWS[kind]
+    row = _row(name, kind)
     damping = dampings(joint) if kind == PLANAR else []
     if kind == 'UJOINT_XY' and joint.get('type') == 'universal':
         damping = dampings(joint)[:1] * len(row)
     axes = _in_plane(joint) if kind == PLANAR else _AXES
-    links = [ends[0], *(f'{name}_{axis}_link' for axis in row[:-1]), ends[-1]]
-    for n, axis in enumerate(row):
+    between = [_new_link(f'{each}_link', links) for each in [*row][:-1]]
+    sides = [ends[0], *between, ends[-1]]
+    for n, (own, moves) in enumerate(row.items()):
         if n:
-            yield ElementTree.Element('link', {'name': links[n]})
-        moves = 'prismatic' if kind == PLANAR and axis != 'Z' else 'continuous'
-        one = xml_file.beside(joint, {'name': f'{name}_{axis}', 'type': moves})
+            yield ElementTree.Element('link', {'name': sides[n]})
+        one = xml_file.beside(joint, {'name': own, 'type': moves})
         one.extend(joint.findall('origin') if n == 0 else [])
-        ElementTree.SubElement(one, 'parent', {'link': links[n]})
-        ElementTree.SubElement(one, 'child', {'link': links[n + 1]})
-        ElementTree.SubElement(one, 'axis', {'xyz': axes[axis]})
+        ElementTree.SubElement(one, 'parent', {'link': sides[n]})
+        ElementTree.SubElement(one, 'child', {'link': sides[n + 1]})
+        ElementTree.SubElement(one, 'axis', {'xyz': axes[own[-1]]})
         if damping:
             ElementTree.SubElement(one, 'dynamics', {'damping': damping[n]})
         yield one
@@ -187,15 +227,6 @@ def _in_plane(joint: ElementTree.Element) -> dict[str, str]:
     }
 
 
-def screws(types: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The joints of the row that each screw was made of, by its name."""
-    return {name: (name, f'{name}_slide') for name, kind in types.items() if kind == SCREW}
-
-
 def balls(types: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
     """The joints of the row that each ball was made of, by the name of the ball."""
-    return {
-        name: tuple(f'{name}_{axis}' for axis in _ROWS[kind])
-        for name, kind in types.items()
-        if kind == 'SPHERICAL'
-    }
+    return {name: tuple(_row(name, kind)) for name, kind in types.items() if kind == 'SPHERICAL'}

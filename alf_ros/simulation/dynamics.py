@@ -138,13 +138,18 @@ class Dynamics(Kinematics):
         return limits(model, problem.forces, problem.method, phase, self._near, self.t)
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:
-        """Something of the accelerated mechanism: its limit, in a singular position."""
+        """Something of the accelerated mechanism: its limit, in a singular position. Raises
+        StepError if it is not finite elsewhere."""
 
         def shared(place: Place) -> Floats:
             return read(self._shared(place))
 
         if self._limits is None:
-            return shared(Place(*self._accelerated[:2]))
+            found = shared(Place(*self._accelerated[:2]))
+            if not np.isfinite(found).all():  # in a singular position NaN says: indeterminate
+                reason = 'accelerations or reactions exceed the range of numbers'
+                raise StepError(reason, 'take smaller forces', self.t)
+            return found
         limit, far = self._limits.of(shared), _ROUNDED * self.model.system.ordinary
         if far < self._accelerated[2] < np.inf and not self._lost:  # a pole, beside it
             limit = np.where(np.isnan(limit), shared(Place(*self._accelerated[:2])), limit)

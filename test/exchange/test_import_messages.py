@@ -379,7 +379,8 @@ def test_joints_that_drake_and_bullet_read(kind: str, tmp_path: Path) -> None:
     assert found == imported(saved(tmp_path, 'it.urdf', of_drake), scene=True)
     assert ('p: {type: spherical, between: [ground, a]' in found) == (kind != 'universal')
     listed = 'springs, armature: these joints have none: p' in found
-    assert listed == (kind != 'universal')  # the damping of a row acts on its angles
+    assert listed == (kind == 'spherical')  # of Bullet, which has no damping there
+    assert ('drag: {p: {"on": a, spin: 1.0}}' in found) == (kind == 'ball')
     simulation = Simulation(scene_from_text(found))
     assert simulation.model.n - simulation.model.system.rank == (2 if kind == 'universal' else 3)
 

@@ -102,6 +102,39 @@ def test_the_place_of_a_screw_that_is_set(tmp_path: Path) -> None:
     assert text == imported(saved(tmp_path, source), loops=side)
 
 
+def test_names_of_rows_that_a_file_has_already(tmp_path: Path) -> None:
+    """The joint that slides in a screw, and the links in rows, get free names: a file with these
+    names is the same robot."""
+    renamed = (
+        URDF.replace('name="h"', 'name="s_slide"')
+        .replace('"a"', '"s_slide_link"')
+        .replace('"c"', '"u_X_link"')
+    )
+    text = imported(saved(tmp_path, renamed), scene=True)
+    plain = imported(saved(tmp_path, URDF), scene=True)
+    ends = []
+    for each, hinge in ((text, 's_slide'), (plain, 'h')):
+        simulation = Simulation(scene_from_text(each), integrator='dop853', step=1e-3)
+        simulation.step(200)
+        joints = simulation.sample().joints
+        ends.append([joints[name].position for name in (hinge, 's', 'u_X', 'u_Y')])
+    assert ends[0] == pytest.approx(ends[1], abs=1e-11)
+    assert abs(ends[0][0]) > 0.01
+
+
+def test_positions_of_rows_in_a_side_file_and_with_set(tmp_path: Path) -> None:
+    source = saved(tmp_path, URDF)
+    given = {'u_X': 0.3, 'u_Y': -0.2, 's': 0.5}
+    text = imported(source, positions=given)
+    side = saved(tmp_path, f'positions: {given}', 'side.yaml')
+    assert 'u_X at 0.3' in text and text == imported(source, loops=side)
+    for wrong, message in (('u', 'no such joint'), ('s_slide', '')):
+        with pytest.raises(InputError, match=message):
+            imported(source, loops=saved(tmp_path, f'positions: {{{wrong}: 1}}', 'side.yaml'))
+        with pytest.raises(InputError, match=message):
+            imported(source, positions={wrong: 1.0})
+
+
 def test_screws_that_mimic_and_are_mimicked(tmp_path: Path) -> None:
     for old, new in (
         ('</drake:joint>', '<mimic joint="h" multiplier="3"/></drake:joint>'),

@@ -312,7 +312,7 @@ def test_the_node_does_it_between_two_ticks_and_begins_a_log_with_it() -> None:
     state, keep_time = calls.run.begin.call_args.args
     assert keep_time and state.step == before.step
     assert [call[0] for call in calls.mock_calls if call[0] != 'run.__str__'] == [
-        *('inputs.apply',) * 2,
+        *('run.end_tick', 'inputs.apply') * 2,
         'report',
         'pacer.start',
         'run.begin',

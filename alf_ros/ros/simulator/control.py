@@ -11,14 +11,11 @@ from rclpy.task import Future
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
 from alf_ros.ros.simulator.inputs import CommandSubscriber
-from alf_ros.ros.simulator.node_run import NodeRun
+from alf_ros.ros.simulator.node_run import BURST, NodeRun
 from alf_ros.ros.simulator.pacing import Pacer
 from alf_ros.simulation.saved_states import SavedStates
 from alf_ros.simulation.setup import Setup, on_grid
 from alf_ros.simulation.state import State
-
-# Longest time (s) of ticks in one call, so that commands and services get their turn.
-BURST = 0.01
 
 
 class WrongState(AlfError):
@@ -26,7 +23,8 @@ class WrongState(AlfError):
 
 
 class Control:
-    """The state machine of the run; every transition falls between two ticks.
+    """The state machine of the run; every transition falls between two ticks: one that is under
+    way ends there.
 
     While playing, the pacer triggers ticks. While paused, only `step` triggers ticks, as fast as
     possible. A failed step pauses. `report` is called then, `pace` when another period is needed,
@@ -68,12 +66,16 @@ class Control:
 
     def advance(self, now: float) -> None:
         """Make the ticks that are due at `now` (s, steady clock)."""
-        due = self._left if self.paused else self._pacer.due(now)
-        self.inputs.apply()
+        if self.run.under_way:
+            due = 1  # inputs act from the next tick
+        else:
+            due = self._left if self.paused else self._pacer.due(now)
+            self.inputs.apply()
         self.run.free = self.paused or not self._pacer.factor
         for _ in range(due):
             # The last of some steps is looked at: it is shown as well.
-            self.run.tick(whole=self.paused and self._left == 1)
+            if not self.run.tick(whole=self.paused and self._left == 1):
+                break
             if self.paused:
                 self._left -= 1
                 if self._each is not None and not self.run.failure:
@@ -174,6 +176,7 @@ class Control:
 
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:
         """Continue at the same state with other settings, noted in the log."""
+        self.run.end_tick()
         tick = self.run.setup.tick
         self.inputs.use(setup.simulation)
         self.run.change(setup, effects)
@@ -196,6 +199,7 @@ class Control:
 
     def save(self, name: str) -> str:
         """Keep the present state under `name`."""
+        self.run.end_tick()
         self.inputs.apply()
         setup = self.run.setup
         return f'{name}: {self.run}, {self._saved.save(name, setup.scene, setup.simulation)}'
@@ -205,6 +209,7 @@ class Control:
 
         Raises InputError, and changes nothing, without a state that fits.
         """
+        self.run.end_tick()
         setup = self.run.setup
         before = setup.simulation.state
         state, step, q = self._saved.find(name, setup.scene, before)
@@ -230,6 +235,7 @@ class Control:
 
         Raises InputError, and changes nothing, if this is impossible.
         """
+        self.run.end_tick()
         self.inputs.apply()
         simulation = self.run.simulation
         before = simulation.state
@@ -242,6 +248,7 @@ class Control:
 
     def _finish_steps(self) -> None:
         """Answer requests that wait for steps; the remaining steps are dropped."""
+        self.run.end_tick()
         self._dropped, self._left = self._left, 0
         if not self._stepped.done():
             self._stepped.set_result(None)

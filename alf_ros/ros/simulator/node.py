@@ -212,10 +212,12 @@ class Simulator(Node):
     def work(self) -> float:
         """Make the ticks that are due. Returns the time (s) until the next ones are."""
         now = time.monotonic()
-        if now < self._next_beat and not self._free:
+        if now >= self._next_beat:
+            self._next_beat += self._beat
+        elif not self._free:
             return self._next_beat - now
-        self._next_beat += self._beat
-        self._control.inputs.expire(now)
+        if not self._control.run.under_way:
+            self._control.inputs.expire(now)
         if self._stop.asked:
             self._finish()
         if not self.finished.done():
@@ -227,8 +229,11 @@ class Simulator(Node):
 
     @property
     def _free(self) -> bool:
-        """Whether ticks are made as fast as possible."""
-        return self._control.stepping or not (self._control.paused or self._pacer.factor)
+        """Whether ticks are made as fast as possible, or one is under way."""
+        control = self._control
+        if control.stepping or control.run.under_way:
+            return True
+        return not (control.paused or self._pacer.factor)
 
     def _on_look(self) -> None:
         if self._stop.asked:
@@ -289,7 +294,10 @@ class Simulator(Node):
         if not solver and not effects and 'rate' not in values:
             return None
         rate = values.get('rate', self.get_parameter('rate').value)
-        return self._settings.changed(self._control.run.setup, solver, effects, rate), effects
+        trying = 'trying settings for the accuracy; other requests wait ...'
+        text = (lambda: trying) if solver.get('accuracy') else Compiling()
+        with self._status.say_if_slow(text, 1.0):
+            return self._settings.changed(self._control.run.setup, solver, effects, rate), effects
 
     def _on_parameters(self, changed: list[Parameter[Any]]) -> None:
         """Post-set callback: takes effect at once, which is between two ticks."""

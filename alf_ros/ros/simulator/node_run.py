@@ -22,15 +22,19 @@ from alf_ros.simulation.setup import Setup
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 
+# Longest time (s) of ticks in one call, so that commands and services get their turn.
+BURST = 0.01
 DISTANCE_PERIOD = 2e-3  # simulated s between two looks at the distance to a singular position
 _SHORT = 1e-9
+_GROWTH = 8  # of the steps between two looks at the clock
 
 
 class NodeRun:
     """Ticks of a setup; after `duration` (simulated s, 0: never) it is `over`.
 
-    A failed step leaves the last good state and its reason in `failure`. Every `begin` makes a log
-    of its own in `log_folder`, so that a log is always one run from its start.
+    A tick of more than `BURST` is made in parts, and `under_way` between them. A failed step
+    leaves the last good state and its reason in `failure`. Every `begin` makes a log of its own in
+    `log_folder`, so that a log is always one run from its start.
     """
 
     def __init__(
@@ -58,6 +62,8 @@ class NodeRun:
         self._outputs, self._duration = outputs, duration
         self._folder, self._split = log_folder, split
         self._chain = ''  # digest of the journal so far
+        self._left = 0  # steps of the tick that is under way
+        self._part = 1  # steps that take about `BURST`
         self._cut = False  # in the middle of a tick, by the end of the node
 
     @property
@@ -69,6 +75,11 @@ class NodeRun:
     def stamp(self) -> int:
         """Stamp (ns) of the present state: never zero, which means "no time yet" in ROS."""
         return stamp_ns(self.simulation.t, self.ahead)
+
+    @property
+    def under_way(self) -> bool:
+        """Whether steps of a tick are still to be made."""
+        return self._left > 0
 
     @property
     def over(self) -> bool:
@@ -92,7 +103,7 @@ class NodeRun:
         else:
             self.simulation.restore(state)
         self.ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
-        self.failure = None
+        self.failure, self._left = None, 0
         self.number += 1
         self.first_step = self.simulation.step_index
         scene = self.setup.scene
@@ -114,6 +125,7 @@ class NodeRun:
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:
         """Continue with other settings at the same state; `effects` are the numbers that
         changed."""
+        self.end_tick()
         self.setup = setup
         self.note({'kind': 'settings', **self._settings(), 'effects': effects})
         if effects:
@@ -123,25 +135,50 @@ class NodeRun:
         solver = dataclasses.asdict(self.simulation.solver)
         return {'solver': solver, 'steps_per_tick': self.setup.steps}
 
-    def tick(self, whole: bool = False) -> None:
+    def tick(self, whole: bool = False) -> bool:
         """Make one tick's steps, fewer at the end of the run, and send the results; `whole`: with
-        topics that are not shown at every tick."""
+        topics that are not shown at every tick. False if the tick takes long and is under way:
+        the next call continues it."""
         if self._cut:
-            return
-        steps = self.setup.steps
-        if self._last_step:
-            steps = min(steps, self._last_step - self.simulation.step_index)
+            return True
+        if not self._left:
+            self._left = self.setup.steps
+            if self._last_step:
+                self._left = min(self._left, self._last_step - self.simulation.step_index)
         begun = time.thread_time()
         try:
-            self.simulation.step(steps)
+            self._make_steps()
         except StepError as error:
-            self.failure = error
+            self.failure, self._left = error, 0
+            return True
         except StoppedError:
             self._cut = True  # the node ends; the log has the last whole tick
-        else:
-            self.failure = None
-            self.stepping += time.thread_time() - begun
-            self.send(whole=whole)
+            return True
+        self.failure = None
+        self.stepping += time.thread_time() - begun
+        if self._left:
+            return False
+        self.send(whole=whole)
+        return True
+
+    def _make_steps(self) -> None:
+        """Steps of the tick that is under way, for about `BURST`."""
+        begun = time.monotonic()
+        end = begun + BURST
+        while self._left and begun < end:
+            steps = min(self._left, self._part)
+            self.simulation.step(steps)
+            self._left -= steps
+            now = time.monotonic()
+            fitting = int(steps * BURST / max(now - begun, _SHORT))
+            self._part = max(1, min(fitting, max(self._part, _GROWTH * steps)))
+            begun = now
+
+    def end_tick(self) -> None:
+        """A tick that is under way ends with the steps made so far."""
+        if self._left:
+            self._left = 0
+            self.send(whole=True)
 
     def send(self, record: bool = True, whole: bool = False) -> None:
         """Publish and log the present state; `whole`: with topics that are not shown at every

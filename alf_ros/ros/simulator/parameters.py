@@ -104,7 +104,8 @@ def solver_specs(solver: Solver) -> list[Spec]:
             (0.0, 1e6),
             fixed=False,
         ),
-        Spec('solver.step', solver.step, 'Solver step, s', (1e-12, 1e6), fixed=False),
+        # stamps count ns: those of shorter steps would not say which step it was
+        Spec('solver.step', solver.step, 'Solver step, s', (1e-9, 1e6), fixed=False),
         Spec(
             'solver.integrator',
             solver.integrator,
