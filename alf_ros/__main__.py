@@ -55,7 +55,7 @@ def run(name: str, arguments: list[str]) -> int:
         return 0
     if name not in COMMANDS:
         raise InputError('no such command', value=name, choices=COMMANDS)
-    # What rclpy reads its arguments from.
+    # rclpy reads its arguments there
     sys.argv = [f'alf_ros {name}', *arguments]
     code: int = importlib.import_module(COMMANDS[name]).main(arguments)
     return code

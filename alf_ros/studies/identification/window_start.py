@@ -8,7 +8,7 @@ scene with any values of its numbers θ:
 
 so that its derivatives by θ, s and ν are solutions of linear equations, and exact. Y, Z and M are
 taken at q₀, and stay. A geared rotor is bound by rates alone, but no force depends on how far it
-has turned: its turn is no free number, and stays that of q₀.
+has turned: its turn is no free number, and stays as in q₀.
 """
 
 from __future__ import annotations
