@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from alf_ros import paths
 from alf_ros.commands.parser import Parser, add_numbers, numbers, refuse_given, writing
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.scene.library import load
 from alf_ros.scene.scene import Scene
@@ -53,7 +54,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         if options.over is not None:
             return _follow(scene, options)
         if options.starts is not None:
-            found = equilibria(scene, starts=options.starts, seed=options.seed or 0, t=options.at)
+            starts, seed = options.starts, options.seed or 0
+            with ProgressBar('equilibrium') as bar:
+                found = equilibria(scene, starts=starts, seed=seed, t=options.at, report=bar)
         else:
             found = (equilibrium(scene, t=options.at, nearest=options.nearest),)
     print('\n\n'.join(report(each) for each in found))

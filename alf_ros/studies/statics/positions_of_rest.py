@@ -15,6 +15,7 @@ from alf_ros import effects, kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.errors import AssemblyError, InputError
+from alf_ros.logs.progress import Report, silent
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.branch_words import moving
 from alf_ros.model.compile import Model
@@ -139,7 +140,12 @@ def equilibrium(
 
 
 def equilibria(
-    scene: Scene | Simulation, *, starts: int = 20, seed: int = 0, t: float | None = None
+    scene: Scene | Simulation,
+    *,
+    starts: int = 20,
+    seed: int = 0,
+    t: float | None = None,
+    report: Report = silent,
 ) -> tuple[Equilibrium, ...]:
     """The positions of rest found from the start and from so many random positions (`seed`), down
     the potential and to the nearest one: stable ones first, then by energy.
@@ -147,8 +153,8 @@ def equilibria(
     Where forces count turns, as torsion springs do, it also searches from the start a turn later
     and earlier about each such angle, and from random positions there; positions a turn apart are
     two. No body of a random position is mirrored or turned round in its joint: in space these lie
-    nearer to the start. It is a search: more starts may find more. Raises as `equilibrium` if none
-    is found.
+    nearer to the start. It is a search: more starts may find more. `report` takes the part of the
+    searches that is done, 0 to 1. Raises as `equilibrium` if none is found.
     """
     simulation, start = beginning(scene, t)
     model, random = simulation.model, np.random.default_rng(whole(seed, 'seed', 0))
@@ -163,7 +169,8 @@ def equilibria(
         for base in [start, *turned[k % max(len(turned), 1) :][:1]]:
             with suppress(AssemblyError):
                 begins += _random_start(base, hands, away)
-    for begin in begins:
+    for k, begin in enumerate(begins):
+        report(k / len(begins))
         for search in (descended, nearest_rest):
             try:
                 each = found_at(simulation, search(begin))
