@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from alf_ros.inspection.effect_costs import EffectCosts
+from alf_ros.paths import replacing
 
 _SMALLEST = 1e-16  # m, drawn as nothing
 
@@ -62,4 +63,5 @@ def draw(path: Path, title: str, found: EffectCosts) -> None:
     for axes in (cost, change, steps):
         axes.grid(True, axis='x', color='0.92')
         axes.set_axisbelow(True)
-    figure.savefig(path, dpi=120)
+    with replacing(path) as target:
+        figure.savefig(target, dpi=120)

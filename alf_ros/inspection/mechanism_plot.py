@@ -19,6 +19,7 @@ from alf_ros.inspection.soundness import Soundness
 from alf_ros.mechanism import Joint
 from alf_ros.mechanism.affine import Form
 from alf_ros.model.joints import type_of
+from alf_ros.paths import replacing
 
 # Okabe & Ito: told apart by all eyes
 COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#e69f00')
@@ -63,7 +64,8 @@ def draw(path: Path, found: Soundness) -> None:
         title += '\npale: where the points go'
         title += '; red: a singular position' if picture.singular is not None else ''
     figure.suptitle(title, color=INK, fontsize=11)
-    figure.savefig(path, dpi=110)
+    with replacing(path) as target:
+        figure.savefig(target, dpi=110)
 
 
 class Picture:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.paths import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,6 +62,7 @@ def save(figure: Figure, file: Path) -> None:
             expected='.png, .svg, .pdf',
         )
     try:
-        figure.savefig(file, dpi=120)
+        with replacing(file) as target:
+            figure.savefig(target, dpi=120)
     except OSError as error:
         raise InputError(f'cannot be written: {error.strerror or error}', file=str(file)) from None

@@ -128,7 +128,7 @@ def test_positions_of_rows_in_a_side_file_and_with_set(tmp_path: Path) -> None:
     text = imported(source, positions=given)
     side = saved(tmp_path, f'positions: {given}', 'side.yaml')
     assert 'u_X at 0.3' in text and text == imported(source, loops=side)
-    for wrong, message in (('u', 'no such joint'), ('s_slide', '')):
+    for wrong, message in (('u', 'no such joint'), ('s_slide', 's_slide')):
         with pytest.raises(InputError, match=message):
             imported(source, loops=saved(tmp_path, f'positions: {{{wrong}: 1}}', 'side.yaml'))
         with pytest.raises(InputError, match=message):

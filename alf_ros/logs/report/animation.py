@@ -21,6 +21,7 @@ from alf_ros.logs.report.gather import Label
 from alf_ros.logs.report.shape_outlines import outlines
 from alf_ros.logs.report.summary import Account
 from alf_ros.mechanism import VisualShape
+from alf_ros.paths import replacing
 
 FORMATS = ('.gif', '.webp', '.mp4')
 FPS = 25.0  # pictures per second
@@ -115,10 +116,9 @@ def write(
         )
     times = first + np.arange(count) * speed / FPS
     try:
-        if path.suffix.lower() == '.mp4':
-            _write_mp4(path, films, times, speed, report)
-        else:
-            _write_image(path, films, times, speed, report)
+        write_film = _write_mp4 if path.suffix.lower() == '.mp4' else _write_image
+        with replacing(path) as target:
+            write_film(target, films, times, speed, report)
     except OSError as error:
         raise InputError(f'cannot be written: {error.strerror or error}', file=str(path)) from None
     return count
@@ -308,7 +308,7 @@ def _write_mp4(
         raise InputError(
             'MP4 needs the program ffmpeg',
             key='--animation',
-            value=str(path),
+            value=path.suffix,
             expected='.gif or .webp, or ffmpeg installed',
         )
     screen = Screen(films, speed)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from alf_ros.paths import replacing
 from alf_ros.studies.hard_cases.trial import RunResult
 
 COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')  # Okabe & Ito: told apart by all eyes
@@ -61,7 +62,8 @@ def draw(path: Path, results: Sequence[RunResult]) -> None:
             handles[f'bound of {integrator}'] = ticks
     handles['failed'] = circles
     figure.legend(handles.values(), handles.keys(), loc='outside lower center', ncols=9)
-    figure.savefig(path, dpi=120)
+    with replacing(path) as target:
+        figure.savefig(target, dpi=120)
 
 
 def _place(result: RunResult) -> tuple[float, float]:

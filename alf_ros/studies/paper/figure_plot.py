@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.paths import replacing
 from alf_ros.studies.paper.formulations import ComparedMotion, FormulationComparison
 
 COLOURS = ('0.75', '#d55e00', '#0072b2', '#009e73')  # the exact one, then Okabe & Ito
@@ -58,7 +59,8 @@ def draw(
         axes.set_xlabel('t, s')
     labels = [curve.name for curve in curves]
     figure.legend(legend, labels, loc='lower center', ncols=4)
-    figure.savefig(path, dpi=100)
+    with replacing(path) as target:
+        figure.savefig(target, dpi=100)
 
 
 def _panels(

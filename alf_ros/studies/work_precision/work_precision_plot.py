@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from alf_ros.paths import replacing
 from alf_ros.studies.work_precision.measurement import Measurement
 from alf_ros.studies.work_precision.report import Curve, Summary, curves
 
@@ -65,7 +66,9 @@ def draw(paths: Sequence[Path], summary: Summary) -> None:
     figure.legend(handles.values(), handles.keys(), loc='outside right center', fontsize='small')
     with matplotlib.rc_context({'svg.hashsalt': 'alf_ros'}):  # the same points, the same file
         for path in paths:
-            figure.savefig(path, dpi=110, metadata={'Date': None} if path.suffix == '.svg' else {})
+            undated = {'Date': None} if path.suffix == '.svg' else {}
+            with replacing(path) as target:
+                figure.savefig(target, dpi=110, metadata=undated)
 
 
 def _panel(
