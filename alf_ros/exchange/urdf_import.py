@@ -5,7 +5,6 @@ urdf_parser_py, which ROS 2 brings, reads it.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,24 +18,21 @@ from alf_ros.errors import InputError
 from alf_ros.exchange import (
     unknown_elements,
     urdf_actuators,
+    urdf_document,
     urdf_gazebo,
     urdf_joint_types,
     urdf_motions,
-    urdf_numbers,
     urdf_visuals,
-    xml_file,
 )
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import GROUND, STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.exchange.sdf_values import numbers
-from alf_ros.exchange.urdf_joint_types import Thread
+from alf_ros.exchange.urdf_document import WORLD
 from alf_ros.exchange.urdf_motions import TreeMotion
 from alf_ros.mechanism import GROUND as GROUND_IN_FILES
 
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
-_WITHOUT_AXIS = ('fixed', 'floating')  # types of which no reader reads the <axis>
 _SEVERAL = ('planar', 'floating')  # types with several coordinates
 _LIMITED = ('revolute', 'prismatic')  # types that have limits
 # by element the elements in it that are read, or named one by one
@@ -69,10 +65,7 @@ _HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_chec
 _OF_MESHES = {'meshdir', 'strippath', 'discardvisual', 'fusestatic'}
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
-_DAMPED = (urdf_joint_types.PLANAR, 'UJOINT_XY')  # joints of Drake with their damping
-_NONE_HERE = 'limits, damping, friction, springs, armature'  # in the report
 _STILL = ': with --floating its root link moves'
-_WORLD = 'world'  # the root link of this name is the ground
 
 
 class UrdfReader:
@@ -94,15 +87,14 @@ class UrdfReader:
         follows: Collection[str] = (),
     ) -> None:
         self.file = str(path)
-        self.xml, self.urdf, kinds, self._threads, damping, absent = _parsed(
-            path, arguments, types or {}
-        )
-        self._balls = urdf_joint_types.balls(kinds)
+        document = urdf_document.read(path, arguments, types or {})
+        self.xml, self.urdf, self._threads = document.xml, document.robot, document.threads
+        self._balls = urdf_joint_types.balls(document.kinds)
         self._screws = {name: (name, each.slide) for name, each in self._threads.items()}
-        self._endless = urdf_joint_types.slides(kinds, self._threads)
+        self._endless = urdf_joint_types.slides(document.kinds, self._threads)
         self._follows = follows
         self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
-        for kind, name in absent:
+        for kind, name in document.absent:
             self.robot.leave(kind, name)
         self.joints = {joint.name: joint for joint in self.urdf.joints}
         self.links = {link.name: link for link in self.urdf.links}
@@ -142,7 +134,7 @@ class UrdfReader:
             if joint.name not in in_rows:
                 self._connect(joint)
         for name, row in self._balls.items():
-            self._connect_ball(name, row, damping.get(name, 0.0))
+            self._connect_ball(name, row, document.damping.get(name, 0.0))
         self._couple()
         limits = {
             name: joint.limit.effort or None if joint.limit is not None else None
@@ -258,7 +250,7 @@ class UrdfReader:
                 if len(chain) > len(self.links) + 1:
                     raise self.error(name, 'this link is its own ancestor', self._at('link', name))
             if chain[-1] not in self.part_of:
-                moves = floating and chain[-1] != _WORLD
+                moves = floating and chain[-1] != WORLD
                 self.part_of[chain[-1]] = chain[-1] if moves else GROUND
             for link in reversed(chain[:-1]):
                 joint = self._above[link]
@@ -402,104 +394,6 @@ class UrdfReader:
                 self.robot.leave('unknown attributes', f'{attribute} of {name}')
 
 
-def _parsed(
-    path: Path, arguments: Mapping[str, str] | None, types: Mapping[str, str]
-) -> tuple[
-    ElementTree.Element,
-    Any,
-    dict[str, str],
-    dict[str, Thread],
-    dict[str, float],
-    list[tuple[str, str]],
-]:
-    """The XML, its reading by urdf_parser_py, the types of joints that URDF does not have, the
-    screws, the damping of balls (N m s/rad), and kind and name of what it leaves out."""
-    from urdf_parser_py import urdf
-    from urdf_parser_py.xml_reflection import core
-
-    xml = xml_file.root_of(path, arguments)
-    if xml.tag != 'robot':
-        raise InputError('not a URDF', file=str(path), value=xml.tag, expected='<robot>')
-    urdf_joint_types.rename(xml)
-    kinds, absent = urdf_joint_types.stated(xml), list[tuple[str, str]]()
-    for joint in xml.findall('joint'):
-        name = joint.get('name', '')
-        kind = kinds.get(name)
-        if types.get(name, 'FIXED') != 'FIXED' and _rubs(joint, ('friction', 'damping')):
-            absent.append((_NONE_HERE, name))
-        if kind is not None:
-            urdf_numbers.checked(joint, path)  # with the line
-        if kind is not None and _loses(joint, kind):
-            absent.append((_NONE_HERE, name))
-        if kind == urdf_joint_types.SCREW and _is_limited(joint):
-            absent.append(('limits of screws', name))
-    balls = [each for each in xml.findall('joint') if each.get('type') == 'ball']
-    damping = {each.get('name', ''): _damping(each) for each in balls}
-    kinds |= types
-    threads = urdf_joint_types.threads(xml, kinds, str(path))
-    xml = urdf_joint_types.changed(xml, kinds, threads, str(path)) if kinds else xml
-    if _lacks_world(xml):
-        ElementTree.SubElement(xml, 'link', {'name': _WORLD})
-        absent.append(('link of the world: there is none', _WORLD))
-    plain = ElementTree.Element('robot', {'name': path.stem} | xml.attrib)
-    for element in xml:  # what else there is may be as it likes
-        if element.tag in ('link', 'joint'):
-            dropped = ['visual', 'collision']
-            dropped += ['axis'] if element.get('type') in _WITHOUT_AXIS else []
-            kept = [each for each in element if each.tag not in dropped]
-            ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
-    for part in plain:
-        absent += urdf_numbers.completed(part)
-        urdf_numbers.checked(part, path)
-    told, core.on_error = core.on_error, lambda message: None  # unknown elements are listed here
-    try:
-        robot = urdf.URDF.from_xml_string(ElementTree.tostring(plain))
-    except core.ParseError as error:
-        where, _, what = re.sub('^ParseError in ', '', str(error)).partition(':')
-        place = xml_file.place_of(_found(xml, where), str(path))
-        raise InputError(f'{what.strip()} in {where}', **place) from None
-    except (TypeError, ValueError, KeyError, AttributeError, AssertionError) as error:  # unchecked
-        raise InputError(f'urdf_parser_py cannot read it: {error}', file=str(path)) from None
-    finally:
-        core.on_error = told
-    if not robot.links:
-        raise InputError('a robot without links', file=str(path))
-    return xml, robot, kinds, threads, damping, absent
-
-
-def _loses(joint: ElementTree.Element, kind: str) -> bool:
-    """Whether a row that stands for a joint lacks something that acts on the joint."""
-    if kind == urdf_joint_types.SCREW:
-        return False
-    damped = kind in _DAMPED or joint.get('type') == 'ball'
-    acting = ('friction',) if damped else ('friction', 'damping')
-    return _rubs(joint, acting) or joint.find('limit') is not None
-
-
-def _damping(ball: ElementTree.Element) -> float:
-    """N m s/rad, of the rotation of a ball of Drake, as Drake has it."""
-    words = urdf_joint_types.dampings(ball)
-    return decimal(words[0]) if words else 0.0
-
-
-def _rubs(joint: ElementTree.Element, acting: Collection[str]) -> bool:
-    """Whether a joint has such a loss."""
-    given = (each.get(name) for each in joint.findall('dynamics') for name in acting)
-    return any(decimal(text) for text in given if text is not None)
-
-
-def _is_limited(joint: ElementTree.Element) -> bool:
-    limits = joint.findall('limit')
-    return any({'lower', 'upper'}.intersection(each.keys()) for each in limits)
-
-
-def _lacks_world(xml: ElementTree.Element) -> bool:
-    """Whether a joint hangs from a link `world` that the file does not have, as Drake has it."""
-    parents = (parent for joint in xml.findall('joint') for parent in joint.findall('parent'))
-    named = any(each.get('link') == _WORLD for each in parents)
-    return named and all(each.get('name') != _WORLD for each in xml.findall('link'))
-
-
 def _is_harmless(element: ElementTree.Element) -> bool:
     """Whether an element that URDF does not have moves nothing."""
     inside = [*element.iter()][1:]
@@ -507,15 +401,6 @@ def _is_harmless(element: ElementTree.Element) -> bool:
         each.tag == 'compiler' and _OF_MESHES.issuperset(each.keys()) for each in inside
     )
     return element.tag in _HARMLESS or (element.tag == 'mujoco' and only_shows)
-
-
-def _found(xml: ElementTree.Element, where: str) -> ElementTree.Element | None:
-    """The element at a path of urdf_parser_py, `/robot[@name='r']/link[@name='a']/inertial`."""
-    inside = re.sub(r"^/robot(\[@name='.*?'\])?", '.', where)
-    try:
-        return xml.find(inside)
-    except (SyntaxError, KeyError):  # a name with a quotation mark
-        return None
 
 
 def _pose(origin: Any) -> FramePose:

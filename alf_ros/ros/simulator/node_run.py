@@ -152,7 +152,7 @@ class NodeRun:
             self.failure, self._left = error, 0
             return True
         except StoppedError:
-            self._cut = True  # the node ends; the log has the last whole tick
+            self._cut, self._left = True, 0  # the node ends; the log has the last whole tick
             return True
         self.failure = None
         self.stepping += time.thread_time() - begun
