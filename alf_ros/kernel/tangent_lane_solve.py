@@ -42,12 +42,10 @@ def solved_together(
     `problem`. before: the largest of r2, rows scaled to lengths, or infinite if it is not small.
     Returns whether no lane is left in which a mode is slow.
 
-    The iteration follows `augmented_solve.augmented`, and ends when it does in all lanes. But
-    where r2 is small beside what f would do to the masses alone and not beside x, one more round
-    follows: the projection corrects a motion, but nothing a derivative. If `slow_modes` is FINISH,
-    a lane with a slow mode is finished by itself, with the workspace of `problem`. If it is LEAVE,
-    no mode is expected to be slow, and rows are not looked at after a round that is certain to
-    close them.
+    The iteration is that of `augmented_solve.iterate`, and ends when that does in all lanes. If
+    `slow_modes` is FINISH, a lane with a slow mode is finished by itself, with the workspace of
+    `problem`. If it is LEAVE, no mode is expected to be slow, and rows are not looked at after a
+    round that is certain to close them.
     """
     unit, system, f = problem.unit, problem.system, tangents.f
     n, iterations = at.work.p.size, problem.method.iterations
@@ -75,31 +73,28 @@ def solved_together(
     residuals(unit, system, at, f, x)
     step, size = step_by(unit, system, at, x)
     step *= system.rounding
-    own = max(size, NOTHING)
-    if slow_modes == LEAVE and everywhere(_are_last(system, fine, before, step, own)):
+    alone = max(largest(f, n) / system.mean, NOTHING)
+    usual = max(size, alone)
+    if slow_modes == LEAVE and everywhere(_are_last(system, fine, before, step, usual)):
         return True
-    alone = largest(f, n) / system.mean
-    usual = max(first_own, alone)
-    met = (before <= fine * usual) & (first_step <= SOLVED * usual)
-    going = unless((before <= fine * first_own) & (first_step <= SOLVED * first_own))
+    first_usual = max(first_own, alone)
+    going = unless((before <= fine * first_usual) & (first_step <= SOLVED * first_usual))
     slowest = 0.0 * at.delta[0]
     for count in range(2, iterations + 1):
         if count > 2:
             residuals(unit, system, at, f, x)
             step, size = step_by(unit, system, at, x)
             step *= system.rounding
-            own = max(size, NOTHING)
+            usual = max(size, alone)
             if slow_modes == LEAVE and nowhere(
-                going & unless(_are_last(system, fine, before, step, own))
+                going & unless(_are_last(system, fine, before, step, usual))
             ):
                 break
-        usual = max(own, alone)
         left = root * update_rows(unit, system.rows, at)
         closed = left <= fine * usual
-        ended = met | ((left <= fine * own) & (step <= SOLVED * own))
-        met = closed & (step <= SOLVED * usual)
-        if not everywhere(ended | closed):
-            slow = going & unless(ended | closed)
+        ended = closed & (step <= SOLVED * usual)
+        if not everywhere(closed):
+            slow = going & unless(closed)
             ratio = min(1.0, left / pick(slow, before, 1.0))
             if count == 2 and iterations != 2:
                 slow = slow & (ratio <= system.patience)

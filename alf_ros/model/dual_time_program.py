@@ -50,7 +50,7 @@ def dual_run(lanes: int = 0) -> Any:
             duals(qdd, dqdd),
         )
 
-    pair = (_numbers, types.CPointer(LanesType(lanes) if lanes else types.float64))
+    pair = (_numbers, types.CPointer(LanesType(lanes, fused=True) if lanes else types.float64))
     return by_address(types.void(types.float64, _integers, *(5 * pair)), of=run._pyfunc)(both)
 
 

@@ -56,7 +56,7 @@ def dual_force(function: Callable[..., None], lanes: int = 0) -> Any:
         inside(t, duals(q, dq), duals(qd, dqd), near, slots, duals(params, dparams), duals(Q, dQ))
 
     try:
-        slope = LanesType(lanes) if lanes else types.float64
+        slope = LanesType(lanes, fused=True) if lanes else types.float64
         return by_address(_signature(slope), of=function)(both)
     except NumbaError as error:
         raise TypeError(without_derivative(str(error))) from None

@@ -26,6 +26,7 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined
 from alf_ros.kernel.numba_ext.lane_numbers import (
     LanesType,
+    arithmetic,
     by_parts,
     lanes_among,
     larger,
@@ -135,7 +136,10 @@ def _place(context: Any, builder: Any, kind: Any, vector: Any, i: Any, of: Block
 
 
 def _each(kind: BlockType, code: Any, builder: Any, *blocks: Any) -> Any:
-    """`code`(builder, numbers) of blocks: at once, or in lanes one coordinate after another."""
+    """`code`(builder, numbers) of blocks, or an operation of `arithmetic`: at once, or in lanes
+    one coordinate after another."""
+    if isinstance(code, str):
+        code = arithmetic(kind.number, code)
     if not kind.in_lanes:
         return code(builder, *blocks)
     value = ir.Constant(_stored(kind), ir.Undefined)
@@ -196,7 +200,7 @@ def _stored_in(v: Any, b: Any) -> Any:
 def _changed(operation: str, context: Any, builder: Any, sig: Any, args: Any) -> Any:
     of = sig.args[2]
     pointer = _place(context, builder, sig.args[0], args[0], args[1], of)
-    change = getattr(ir.IRBuilder, operation)
+    change = arithmetic(of.number, operation)
     if not of.in_lanes:
         value = change(builder, builder.load(pointer, align=_ALIGNED), args[2])
         builder.store(value, pointer, align=_ALIGNED)
@@ -270,7 +274,7 @@ def dot(typing: Any, b: Any, c: Any) -> Any:
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         kind = sig.args[0]
-        product = _each(kind, ir.IRBuilder.fmul, builder, *args)
+        product = _each(kind, 'fmul', builder, *args)
 
         def of(a: int) -> Any:
             if kind.in_lanes:
@@ -279,7 +283,7 @@ def dot(typing: Any, b: Any, c: Any) -> Any:
 
         s = of(0)
         for a in range(1, kind.D):
-            s = by_parts(builder, ir.IRBuilder.fadd, s, of(a))
+            s = by_parts(builder, arithmetic(kind.number, 'fadd'), s, of(a))
         return s
 
     kind = c if c.in_lanes else b
@@ -303,10 +307,9 @@ def cross(typing: Any, b: Any, c: Any) -> Any:
             order = ir.Constant(ir.VectorType(_index, D), [(a + by) % D for a in range(D)])
             return builder.shuffle_vector(value, value, order)
 
-        times = ir.IRBuilder.fmul
-        one = _each(kind, times, builder, turned(args[0], 1), turned(args[1], 2))
-        other = _each(kind, times, builder, turned(args[0], 2), turned(args[1], 1))
-        return _each(kind, ir.IRBuilder.fsub, builder, one, other)
+        one = _each(kind, 'fmul', builder, turned(args[0], 1), turned(args[1], 2))
+        other = _each(kind, 'fmul', builder, turned(args[0], 2), turned(args[1], 1))
+        return _each(kind, 'fsub', builder, one, other)
 
     return b(b, c), code
 
@@ -362,12 +365,12 @@ class _Coordinate(AbstractTemplate):
 
 @lower_builtin(operator.add, BlockType, BlockType)
 def _add(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return _each(sig.return_type, ir.IRBuilder.fadd, builder, *args)
+    return _each(sig.return_type, 'fadd', builder, *args)
 
 
 @lower_builtin(operator.sub, BlockType, BlockType)
 def _sub(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return _each(sig.return_type, ir.IRBuilder.fsub, builder, *args)
+    return _each(sig.return_type, 'fsub', builder, *args)
 
 
 @lower_builtin(operator.mul, LanesType, BlockType)
@@ -375,7 +378,7 @@ def _sub(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 def _mul(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     kind = sig.args[1]
     if kind.in_lanes:
-        return _each(kind, ir.IRBuilder.fmul, builder, *args)
+        return _each(kind, 'fmul', builder, *args)
     D = kind.D
     empty = ir.Constant(ir.VectorType(_number, D), ir.Undefined)
     one = builder.insert_element(empty, args[0], _index(0))

@@ -10,6 +10,9 @@ A comparison gives a `Mask`, a truth value for each lane. Code that branches on 
 for a group: `everywhere` and `anywhere`; and `pick` chooses lane by lane. For a single number they
 are the comparison itself and a plain choice.
 
+Lanes of derivatives are no members: no single run has their bits. They are `fused`: a product that
+is added is one instruction with it, which rounds once.
+
 If W is a power of two, the numbers are one vector for LLVM. It would widen a vector of 12 to one
 of 16 and compute with all of them. So other W, multiples of 4, are vectors of 4 (`by_parts`).
 """
@@ -20,7 +23,7 @@ import builtins
 import math
 import operator
 from collections.abc import Callable
-from functools import cache, reduce
+from functools import cache, partial, reduce
 from typing import Any
 
 import numpy as np
@@ -48,11 +51,11 @@ def width() -> int:
 
 
 class LanesType(types.Type):
-    """W numbers. A single number becomes W equal ones."""
+    """W numbers. A single number becomes W equal ones. `fused`: see above."""
 
-    def __init__(self, W: int) -> None:
-        self.W = W
-        super().__init__(f'lanes{W}')
+    def __init__(self, W: int, fused: bool = False) -> None:
+        self.W, self.fused = W, fused
+        super().__init__(f'fused lanes{W}' if fused else f'lanes{W}')
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
         """Whether another type becomes lanes."""
@@ -160,8 +163,15 @@ def _typed(function: Any, typing: Any) -> None:
 # ------------------------------------------------------------------------------- arithmetic
 
 
-def _operation(code: Callable[..., Any], count: int, *functions: Any) -> None:
-    """Take `code`(builder, vectors) for these functions of `count` lanes."""
+def arithmetic(kind: Any, operation: str) -> Callable[..., Any]:
+    """Instructions for LLVM: 'fadd', 'fsub' or 'fmul' of numbers of this kind."""
+    code = getattr(ir.IRBuilder, operation)
+    return partial(code, flags=('contract',)) if getattr(kind, 'fused', False) else code
+
+
+def _operation(code: Callable[..., Any] | str, count: int, *functions: Any) -> None:
+    """Take `code`(builder, vectors), or an operation of `arithmetic`, for these functions of
+    `count` lanes."""
 
     class _Operation(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -169,7 +179,8 @@ def _operation(code: Callable[..., Any], count: int, *functions: Any) -> None:
             return signature(kind, *[kind] * count) if kind else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return by_parts(builder, code, *args)
+        own = arithmetic(sig.return_type, code) if isinstance(code, str) else code
+        return by_parts(builder, own, *args)
 
     for function in functions:
         _typed(function, _Operation)
@@ -213,9 +224,9 @@ def _smaller(builder: Any, x: Any, y: Any) -> Any:
     return builder.select(builder.fcmp_ordered('<', y, x), y, x)
 
 
-_operation(ir.IRBuilder.fadd, 2, operator.add, operator.iadd)
-_operation(ir.IRBuilder.fsub, 2, operator.sub, operator.isub)
-_operation(ir.IRBuilder.fmul, 2, operator.mul, operator.imul)
+_operation('fadd', 2, operator.add, operator.iadd)
+_operation('fsub', 2, operator.sub, operator.isub)
+_operation('fmul', 2, operator.mul, operator.imul)
 _operation(ir.IRBuilder.fdiv, 2, operator.truediv, operator.itruediv)
 _operation(ir.IRBuilder.fneg, 1, operator.neg)
 _operation(vector_function('llvm.fabs'), 1, builtins.abs, math.fabs)

@@ -281,7 +281,7 @@ def _nothing_of(hint: Any) -> Callable[[], Any]:
 def _number_of(hint: Any, W: int) -> types.Number | LanesType:
     """The type of the numbers of an array."""
     if get_origin(hint) is Annotated:
-        return LanesType(W)
+        return LanesType(W, fused=True)
     return from_dtype(np.dtype(_dtype_in(hint)))
 
 
