@@ -26,7 +26,7 @@ from alf_ros.ros.simulator.control import Control
 from alf_ros.ros.simulator.entities import entity_state, wanted_pose, wanted_twist
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
+    from alf_ros.ros.simulator.node import Simulator
 
 # Feature codes by the interface that makes them true.
 _FEATURES = {
@@ -47,7 +47,7 @@ _SUFFIXES = ('.yaml', '.yml')
 class SimulationServices:
     """Offers the interfaces below the node's name, such as `~/get_simulator_features`."""
 
-    def __init__(self, node: Node, control: Control) -> None:
+    def __init__(self, node: Simulator, control: Control) -> None:
         self._node, self._control = node, control
         self._paused_in = -1  # the run, by its number, that was paused without a step
         self._features: list[int] = []
@@ -180,7 +180,7 @@ class SimulationServices:
 
     # -------------------------------------------------------------------------------------- world
 
-    def _on_load(self, request: Any, response: Any) -> Any:
+    async def _on_load(self, request: Any, response: Any) -> Any:
         kind = srv.LoadWorld.Response
         # Releases before 2.1 have another name for it; 2.0 has the two fields themselves.
         resource = _first(request, 'world_resource', 'level_resource') or request
@@ -192,7 +192,7 @@ class SimulationServices:
         if source is None:
             text = f'{resource.uri}: not a scene (.yaml), nor the name of one'
             return _failed(response, kind.UNSUPPORTED_FORMAT, text)
-        result = self._node.set_parameters([Parameter('scene', value=source)])[0]
+        result = await self._node.change([Parameter('scene', value=source)])
         if not result.successful:
             return _failed(response, kind.RESOURCE_PARSE_ERROR, result.reason)
         self._describe(response.world)
