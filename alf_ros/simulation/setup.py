@@ -83,6 +83,13 @@ def asked(before: Solver, accuracy: float) -> dict[str, Any]:
     return {'accuracy': accuracy} if accuracy else {k: getattr(before, k) for k in PICKED}
 
 
+def changed(
+    setup: Setup, solver: Mapping[str, Any], effects: Mapping[str, Any], rate: float
+) -> Setup:
+    """The setup with other numbers, as `remade`, at the same state, as `continued`."""
+    return continued(setup, remade(setup, solver, effects, rate))
+
+
 def searches(setup: Setup, solver: Mapping[str, Any]) -> float:
     """The accuracy (m) for which `remade` with these changes searches settings; 0 without."""
     given = joined(dataclasses.asdict(setup.simulation.solver), solver)
