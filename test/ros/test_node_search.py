@@ -1,4 +1,4 @@
-"""The search for an accuracy runs beside the node, which answers and makes ticks meanwhile."""
+"""The search for an accuracy runs beside the node, which answers and makes ticks."""
 
 import dataclasses
 import signal

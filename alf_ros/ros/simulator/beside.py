@@ -34,7 +34,7 @@ class Beside:
         self._line.popleft()
 
     async def made(self, work: Callable[[], T]) -> T:
-        """What `work` returns; raises what it raises."""
+        """The result of `work`, which raises its exceptions here."""
         done = _Done(work)
         self._thread = threading.Thread(target=done.make)
         self._thread.start()
@@ -52,7 +52,7 @@ class Beside:
 
 
 class _Done(Generic[T]):
-    """What a work in a thread returned or raised."""
+    """A work in a thread, with its result or its exception."""
 
     def __init__(self, work: Callable[[], T]) -> None:
         self._work = work

@@ -152,7 +152,7 @@ class Simulator(Node):
             if (error.name or '').partition('.')[0] != 'simulation_interfaces':
                 raise
         else:
-            self._standard = SimulationServices(self, self._control)
+            self._standard = SimulationServices(self, self._control, self.change)
         self._playing_first = not values['start_paused']
         self._warm_up(setup.simulation)
 
@@ -198,7 +198,7 @@ class Simulator(Node):
             self._status.say(line)
 
     def close(self) -> None:
-        """End the log, with a last report in it, and what is made beside the run."""
+        """End the log, with a last report in it, and a search that still runs."""
         self._beside.end()
         run = self._control.run
         recorder = run.recorder
@@ -343,7 +343,7 @@ class Simulator(Node):
         return ''
 
     def _loading_of(self, values: dict[str, Any], solver: dict[str, Any]) -> Callable[[], Setup]:
-        """What loads a scene; it may run in another thread."""
+        """A function that loads a scene; it may run in another thread."""
         from alf_ros.scene.scene import load_scene
 
         name, rate = values['scene'], values.get('rate')
@@ -364,8 +364,8 @@ class Simulator(Node):
     def _remaking(
         self, solver: dict[str, Any], effects: dict[str, Any], rate: float
     ) -> tuple[Callable[[], Setup], bool]:
-        """What makes the run with other numbers, and whether that may take long; it may run in
-        another thread."""
+        """A function that makes the run with other numbers, in any thread, and whether that is
+        long."""
         setup = self._control.run.setup
         accuracy = self._settings.searches(setup, solver) if solver or effects else 0.0
 

@@ -22,11 +22,12 @@ from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
 from alf_ros import resources
 from alf_ros.errors import AlfError, InputError
 from alf_ros.ros.messages.templates import WORLD
+from alf_ros.ros.parameter_services import Change
 from alf_ros.ros.simulator.control import Control
 from alf_ros.ros.simulator.entities import entity_state, wanted_pose, wanted_twist
 
 if TYPE_CHECKING:
-    from alf_ros.ros.simulator.node import Simulator
+    from rclpy.node import Node
 
 # Feature codes by the interface that makes them true.
 _FEATURES = {
@@ -47,8 +48,9 @@ _SUFFIXES = ('.yaml', '.yml')
 class SimulationServices:
     """Offers the interfaces below the node's name, such as `~/get_simulator_features`."""
 
-    def __init__(self, node: Simulator, control: Control) -> None:
-        self._node, self._control = node, control
+    def __init__(self, node: Node, control: Control, change: Change) -> None:
+        """`change` sets parameters of the node."""
+        self._node, self._control, self._change = node, control, change
         self._paused_in = -1  # the run, by its number, that was paused without a step
         self._features: list[int] = []
         waiting = ReentrantCallbackGroup()
@@ -192,7 +194,7 @@ class SimulationServices:
         if source is None:
             text = f'{resource.uri}: not a scene (.yaml), nor the name of one'
             return _failed(response, kind.UNSUPPORTED_FORMAT, text)
-        result = await self._node.change([Parameter('scene', value=source)])
+        result = await self._change([Parameter('scene', value=source)])
         if not result.successful:
             return _failed(response, kind.RESOURCE_PARSE_ERROR, result.reason)
         self._describe(response.world)

@@ -170,7 +170,7 @@ def atlas(
     velocity ratio and the mechanical advantage; bar: the two points of a bar for the transmission
     angle, the output end last (`transmission` defines them). starts: each sheet is searched from
     random places until so many in a row find nothing new; 200, or 40 a sheet over two coordinates.
-    report: takes the part that is done if the rest finds nothing new, 0 to 1.
+    report: takes the part done.
 
     Raises InputError for names and numbers that are none, for another number of freedoms than
     coordinates, and for rows that bind velocities only; AssemblyError if the loops do not close,
