@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import itertools
 import os
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from alf_ros.errors import InputError
+
+_blocks = itertools.count()  # of `replacing` in this process
 
 
 def named(text: str | Path, key: str | None = None) -> Path:
@@ -70,7 +73,7 @@ def replacing(path: Path, beside: Path | None = None) -> Iterator[Path]:
         return
     if mode is not None and not os.access(place, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-    beside = beside or place.with_name(f'.{place.stem}.{os.getpid()}.tmp{path.suffix}')
+    beside = beside or _beside(place, path.suffix)
     try:
         yield beside
         if mode is not None:
@@ -79,6 +82,12 @@ def replacing(path: Path, beside: Path | None = None) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
+
+
+def _beside(place: Path, suffix: str) -> Path:
+    """A name beside a place, short however long the name of the place is, that no other block of
+    any process has. Programs know kinds of files by suffixes, none of which is long."""
+    return place.with_name(f'.{os.getpid()}-{next(_blocks)}{suffix if len(suffix) < 16 else ""}')
 
 
 def written(folder: str | Path, texts: Mapping[str, str]) -> Path:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.scene.library import load
 from alf_ros.studies.atlas.mapped_piece import DEAD_POINT, TRAVEL_LIMIT
 from alf_ros.studies.atlas.position_map import Atlas, atlas
@@ -69,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--csv', metavar='FILE', help='write all positions to this file, as a table'
     )
     options = parser.parse_args(argv)
-    with parser.naming():
+    with parser.naming(), ProgressBar('atlas') as bar:
         found = atlas(
             load(options.scene, numbers(options.set)),
             options.over,
@@ -79,6 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             bar=options.bar,
             starts=options.starts,
             seed=options.seed,
+            report=bar,
         )
     print('\n'.join(report(found)))
     for key, file, write in (

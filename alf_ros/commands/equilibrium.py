@@ -123,16 +123,19 @@ def _follow(scene: Scene, options: Namespace) -> int:
     """Follow a path, print and write it; returns 0."""
     if options.to is None:
         raise InputError('a path has an end', key='--to', expected='a value')
-    path = equilibrium_path(
-        scene,
-        over=options.over,
-        start=options.begin,
-        end=options.to,
-        back=options.back,
-        t=options.at,
-        nearest=options.nearest,
-    )
-    others = path.branches() if options.branches else {}
+    with ProgressBar('equilibrium') as bar:
+        path = equilibrium_path(
+            scene,
+            over=options.over,
+            start=options.begin,
+            end=options.to,
+            back=options.back,
+            t=options.at,
+            nearest=options.nearest,
+            report=bar,
+        )
+    with ProgressBar('branches') as bar:
+        others = path.branches(bar) if options.branches else {}
     print(path_report.report(path, others))
     if options.csv:
         with writing('--csv', options.csv):

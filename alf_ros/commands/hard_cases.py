@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from typing import TextIO
 
+from alf_ros import paths
 from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
@@ -45,7 +46,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     chosen = [name for name in CASES if name in options.case or not options.case]
     rows = [row for name in chosen for row in CASES[name](options.quick)]
     with writing_into(options.folder) as folder:
-        with open(folder / 'hard_cases.csv', 'w', newline='', encoding='utf-8') as stream:
+        with (
+            paths.replacing(folder / 'hard_cases.csv') as target,
+            open(target, 'w', newline='', encoding='utf-8') as stream,
+        ):
             results = _run(rows, stream)
         written = ['hard_cases.csv']
         try:

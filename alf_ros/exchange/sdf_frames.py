@@ -80,26 +80,27 @@ class SdfFrames:
 
     def pose(self, name: str) -> FramePose:
         """In the world. Raises the error for frames that refer to each other."""
-        return self._within(name, WORLD, ())
+        return self._within(name, WORLD)
 
-    def _within(self, name: str, base: str, waiting: tuple[str, ...]) -> FramePose:
-        """Of a frame in another one, along what it is relative to."""
-        if name == base:
-            return STILL
-        frame = self._frames[name]
-        if name in waiting:
-            raise self._refuse(name, 'its pose is relative to itself', frame.placed_at)
-        if base == WORLD and name in self._poses:
-            return self._poses[name]
-        to, _, placed = frame.relative_to.partition('\0')
-        to = to and self.find(to, '', frame.placed_at)
-        if not to:
-            raise self._refuse(name, f'its pose does not lead to {base!r}', frame.placed_at)
-        found = self._within(to, base, (*waiting, name)) @ frame.pose
-        if placed:  # the pose belongs to a frame of the model, and places the model
-            found = found @ self._within(self.find(placed, '', frame.at), name, ()).inverse
-        if base == WORLD:
-            self._poses[name] = found
+    def _within(self, name: str, base: str) -> FramePose:
+        """Of a frame in another one, along what it is relative to, however long that chain is."""
+        known = self._poses if base == WORLD else {base: STILL}
+        chain: dict[str, str] = {}  # from each frame to what the model there is placed by, or ''
+        while name not in known:
+            frame = self._frames[name]
+            if name in chain:
+                raise self._refuse(name, 'its pose is relative to itself', frame.placed_at)
+            to, _, chain[name] = frame.relative_to.partition('\0')
+            if not to:
+                raise self._refuse(name, f'its pose does not lead to {base!r}', frame.placed_at)
+            name = self.find(to, '', frame.placed_at)
+        found = known[name]
+        for name, placed in reversed(chain.items()):
+            frame = self._frames[name]
+            found = found @ frame.pose
+            if placed:  # the pose belongs to a frame of the model, and places the model
+                found = found @ self._within(self.find(placed, '', frame.at), name).inverse
+            known[name] = found
         return found
 
     def link(self, name: str) -> str:

@@ -170,7 +170,8 @@ class _Reader:
         """A model in the scope `outer`, whose own scope is `scope`. still, blown: whether a model
         around it is static, or feels the wind."""
         if scope.count('::') > _DEEPEST:
-            raise self.error('include', 'a model that includes itself', element)
+            message = f'inside more than {_DEEPEST} others, as a model that includes itself'
+            raise self.error(self._name(element), message, element)
         name = scope.rstrip(':') or element.get('name', '')
         sdf_elements.leave_unknown(self.robot, element, name)
         self._include(element, MODEL)

@@ -68,7 +68,7 @@ class SdfJoints:
         if len(axes) == 2 and abs(axes[0] @ axes[1]) > _PERPENDICULAR:
             raise self._robot.error(name, 'its two axes are not perpendicular', element)
         if len(axes) != 1:
-            self._leave_of_axes(element, tags, name)
+            self._leave_of_axes(element, _TAGS, name)  # a ball has none, but files give it some
             return Connection(name, kind, parent, child, place, axes)
         limit, dynamics = element.find('axis/limit'), element.find('axis/dynamics')
         lower, upper = self._limits(limit, name)

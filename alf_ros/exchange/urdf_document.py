@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 from alf_ros.errors import InputError
 from alf_ros.exchange import urdf_joint_types, urdf_numbers, xml_file
 from alf_ros.exchange.decimal_numbers import decimal
-from alf_ros.exchange.urdf_joint_types import Thread
+from alf_ros.exchange.urdf_joint_types import RowPart, Thread
 
 WORLD = 'world'  # the root link of this name is the ground
 _DAMPED = (urdf_joint_types.PLANAR, 'UJOINT_XY')  # joints of Drake with their damping
@@ -26,12 +26,13 @@ _WITHOUT_AXIS = ('fixed', 'floating')  # types of which no reader reads the <axi
 @dataclass(frozen=True)
 class UrdfDocument:
     """xml; robot: of urdf_parser_py; kinds: the types of joints that URDF does not have, by name;
-    threads: of screws, by name; damping (N m s/rad): of balls, by name; absent: kind and name of
-    what it leaves out."""
+    rows: what stands for them, by name; threads: of screws, by name; damping (N m s/rad): of
+    balls, by name; absent: kind and name of what it leaves out."""
 
     xml: ElementTree.Element
     robot: Any
     kinds: Mapping[str, str]
+    rows: Mapping[str, tuple[RowPart, ...]]
     threads: Mapping[str, Thread]
     damping: Mapping[str, float]
     absent: tuple[tuple[str, str], ...]
@@ -64,7 +65,9 @@ def read(
     damping = {each.get('name', ''): _damping(each) for each in balls}
     kinds |= types
     threads = urdf_joint_types.threads(xml, kinds, str(path))
-    xml = urdf_joint_types.changed(xml, kinds, threads, str(path)) if kinds else xml
+    rows = urdf_joint_types.rows(xml, kinds)
+    absent += [('names, changed', each) for each in urdf_joint_types.renamed(rows)]
+    xml = urdf_joint_types.changed(xml, kinds, rows, threads, str(path)) if kinds else xml
     if _lacks_world(xml):
         ElementTree.SubElement(xml, 'link', {'name': WORLD})
         absent.append(('link of the world: there is none', WORLD))
@@ -91,7 +94,7 @@ def read(
         core.on_error = told
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
-    return UrdfDocument(xml, robot, kinds, threads, damping, tuple(absent))
+    return UrdfDocument(xml, robot, kinds, rows, threads, damping, tuple(absent))
 
 
 def _loses(joint: ElementTree.Element, kind: str) -> bool:

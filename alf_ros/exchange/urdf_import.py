@@ -89,9 +89,16 @@ class UrdfReader:
         self.file = str(path)
         document = urdf_document.read(path, arguments, types or {})
         self.xml, self.urdf, self._threads = document.xml, document.robot, document.threads
-        self._balls = urdf_joint_types.balls(document.kinds)
+        self._named: dict[tuple[str, str | None], list[ElementTree.Element]] = {}
+        for each in self.xml:
+            self._named.setdefault((each.tag, each.get('name')), []).append(each)
+        self._balls = {
+            name: tuple(part.name for part in row)
+            for name, row in document.rows.items()
+            if document.kinds[name] == urdf_joint_types.BALL
+        }
         self._screws = {name: (name, each.slide) for name, each in self._threads.items()}
-        self._endless = urdf_joint_types.slides(document.kinds, self._threads)
+        self._endless = urdf_joint_types.slides(document.rows, self._threads)
         self._follows = follows
         self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
         for kind, name in document.absent:
@@ -112,8 +119,7 @@ class UrdfReader:
             ('link', self.links, len(self.urdf.links)),
         ):
             if len(things) < count:
-                names = [each.get('name', '') for each in self.xml.findall(kind)]
-                name = next(name for name in names if names.count(name) > 1)
+                name = next(name for name in things if len(self._named[kind, name]) > 1)
                 raise self.error(name, f'a name of two {kind}s', self._at(kind, name, -1))
         self._above: dict[str, Any] = {}
         self.part_of: dict[str, str] = {}
@@ -154,7 +160,7 @@ class UrdfReader:
 
     def _at(self, tag: str, name: str, which: int = 0) -> ElementTree.Element | None:
         """The link or the joint of a name in the file, the first one of several or another."""
-        found = [each for each in self.xml.findall(tag) if each.get('name') == name]
+        found = self._named.get((tag, name))
         return found[which] if found else None
 
     def unit(self, key: str, axis: Any, at: ElementTree.Element | None) -> Floats:
@@ -199,26 +205,26 @@ class UrdfReader:
                 positions[name] = float(numbers(at.text or '', 1, self.error, name, at)[0])
         positions |= given
         for name in self.mimics:
-            x = self._mimicked(name, positions, ())
+            x = self.mimicked(name, positions)
             if name in given and abs(given[name] - x) > _OFF:
                 message = f'{name!r} mimics {self.mimics[name][0]!r}, which has it at {x:.9g}'
                 raise InputError(message, key='--set or side file', value=given[name])
-        return positions | {name: self._mimicked(name, positions, ()) for name in self.mimics}
-
-    def _mimicked(
-        self, name: str, positions: Mapping[str, float], waiting: tuple[str, ...]
-    ) -> float:
-        """Where a joint is, along the chain of those that it mimics."""
-        if name not in self.mimics:
-            return positions.get(name, 0.0)
-        if name in waiting:
-            raise self.error(name, 'it mimics itself', self._at('joint', name))
-        other, factor, offset = self.mimics[name]
-        return factor * self._mimicked(other, positions, (*waiting, name)) + offset
+        return positions | {name: self.mimicked(name, positions) for name in self.mimics}
 
     def mimicked(self, name: str, positions: Mapping[str, float]) -> float:
-        """Where a joint is (rad, m), from the positions of those that do not mimic."""
-        return self._mimicked(name, positions, ())
+        """Where a joint is (rad, m), from the positions of those that do not mimic, however long
+        the chain of those between is. Raises InputError if it mimics itself."""
+        chain: dict[str, tuple[float, float]] = {}
+        while name in self.mimics:
+            if name in chain:
+                raise self.error(name, 'it mimics itself', self._at('joint', name))
+            other, factor, offset = self.mimics[name]
+            chain[name] = factor, offset
+            name = other
+        x = positions.get(name, 0.0)
+        for factor, offset in reversed(chain.values()):
+            x = factor * x + offset
+        return x
 
     def _couple(self) -> None:
         """A coupling for each joint that mimics one that moves; else it holds its place."""

@@ -4,8 +4,8 @@ URDF has neither balls nor universal joints, but Drake and Bullet read some: `ba
 and `universal`, about x of the parent and y of the child. Drake also reads `screw`.
 
 A universal joint and a ball become a row of `continuous` joints about axes of the joint's frame,
-through links without mass: `name_X`, `name_Y`, `name_Z`. The reader makes one ball of three. The
-damping of a universal joint acts on both of its angles, as in Drake.
+through links without mass: `name_X`, `name_Y`, `name_Z`, or the next free names. The reader makes
+one ball of three. The damping of a universal joint acts on both of its angles, as in Drake.
 
 A screw becomes a `continuous` joint of its name and a prismatic one, `name_slide` or the next free
 name, that mimics it. The reader makes one screw of both.
@@ -32,10 +32,11 @@ from alf_ros.exchange.robot import free_name
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _AXES = {'X': '1 0 0', 'Y': '0 1 0', 'Z': '0 0 1'}
-_ROWS = {f'UJOINT_{a}{b}': a + b for a in _AXES for b in _AXES if a != b} | {'SPHERICAL': 'XYZ'}
+BALL = 'SPHERICAL'
+_ROWS = {f'UJOINT_{a}{b}': a + b for a in _AXES for b in _AXES if a != b} | {BALL: 'XYZ'}
 CHANGES = (*_ROWS, 'FIXED')
 SCREW = 'SCREW'
-_STATED = {'ball': 'SPHERICAL', 'spherical': 'SPHERICAL', 'universal': 'UJOINT_XY', 'screw': SCREW}
+_STATED = {'ball': BALL, 'spherical': BALL, 'universal': 'UJOINT_XY', 'screw': SCREW}
 _OF_DRAKE = ('{http://drake.mit.edu}joint', '{undeclared:drake}joint')  # `<drake:joint>`
 _PITCH = 'screw_thread_pitch'  # m per turn
 PLANAR = 'PLANAR'  # a planar joint with a damping of each of its three freedoms
@@ -50,6 +51,16 @@ class Thread:
     slide: str
 
 
+@dataclass(frozen=True)
+class RowPart:
+    """A joint of a row: its name, its axis in the frame of the joint that the row stands for (a
+    key of `_AXES`), and its type in URDF."""
+
+    name: str
+    axis: str
+    type: str
+
+
 def rename(root: ElementTree.Element) -> None:
     """Make `<drake:joint>` of the types above, and planar ones, a `<joint>`: Drake asks for it."""
     for each in root:
@@ -62,17 +73,37 @@ def named(root: ElementTree.Element) -> dict[str, str]:
     others of the types above are their rows."""
     rename(root)
     found = {each.get('name', ''): each.get('type', '') for each in root.findall('joint')}
-    for name, kind in stated(root).items():
+    kinds = stated(root)
+    for name in kinds:
         del found[name]
-        found |= {name: 'continuous'} if kind == SCREW else _row(name, kind)
+    for row in rows(root, kinds).values():
+        found |= {part.name: part.type for part in row}
+    return found | {name: 'continuous' for name, kind in kinds.items() if kind == SCREW}
+
+
+def rows(root: ElementTree.Element, types: Mapping[str, str]) -> dict[str, tuple[RowPart, ...]]:
+    """The row that stands for each joint of one of these types, by name; of screws there is none,
+    see `threads`. No part has the name of another joint."""
+    taken = {each.get('name', '') for each in root.findall('joint')}
+    found = {}
+    for name, kind in types.items():
+        row = []
+        for axis in 'XYZ' if kind == PLANAR else _ROWS.get(kind, ''):
+            slides = kind == PLANAR and axis != 'Z'
+            own = free_name(f'{name}_{axis}', taken)
+            taken.add(own)
+            row.append(RowPart(own, axis, 'prismatic' if slides else 'continuous'))
+        if row:
+            found[name] = tuple(row)
     return found
 
 
-def _row(name: str, kind: str) -> dict[str, str]:
-    """The joints of the row that stands for a joint, with their types."""
-    row = 'XYZ' if kind == PLANAR else _ROWS[kind]
-    slides = 'XY' if kind == PLANAR else ''
-    return {f'{name}_{x}': 'prismatic' if x in slides else 'continuous' for x in row}
+def renamed(rows: Mapping[str, tuple[RowPart, ...]]) -> Iterator[str]:
+    """What the report says of parts of rows whose names were taken."""
+    for name, row in rows.items():
+        for part in row:
+            if part.name != (usual := f'{name}_{part.axis}'):
+                yield f'{usual} of {name} is {part.name}'
 
 
 def stated(root: ElementTree.Element) -> dict[str, str]:
@@ -89,9 +120,9 @@ def dampings(joint: ElementTree.Element) -> list[str]:
     return [] if dynamics is None else dynamics.get('damping', '').split()
 
 
-def slides(types: Mapping[str, str], threads: Mapping[str, Thread]) -> set[str]:
+def slides(rows: Mapping[str, tuple[RowPart, ...]], threads: Mapping[str, Thread]) -> set[str]:
     """The slides of the rows of planar joints and screws, which have no limits."""
-    planar = {f'{name}_{axis}' for name, kind in types.items() if kind == PLANAR for axis in 'XY'}
+    planar = {part.name for row in rows.values() for part in row if part.type == 'prismatic'}
     return planar | {each.slide for each in threads.values()}
 
 
@@ -116,7 +147,7 @@ def _pitch(joint: ElementTree.Element, file: str) -> float:
     if text is None:
         raise InputError('a screw without its pitch', **place, key=key, expected=expected)
     try:
-        pitch = decimal(text)
+        pitch = decimal(text.strip())
     except ValueError:
         pitch = math.nan
     if not abs(pitch) <= LARGEST:
@@ -130,7 +161,11 @@ def _is_pitch(element: ElementTree.Element) -> bool:
 
 
 def changed(
-    root: ElementTree.Element, types: Mapping[str, str], threads: Mapping[str, Thread], file: str
+    root: ElementTree.Element,
+    types: Mapping[str, str],
+    rows: Mapping[str, tuple[RowPart, ...]],
+    threads: Mapping[str, Thread],
+    file: str,
 ) -> ElementTree.Element:
     """A URDF with these joints of another type. threads: of the screws. Raises InputError for a
     joint that it lacks."""
@@ -142,11 +177,14 @@ def changed(
     whole = ElementTree.Element(root.tag, root.attrib)
     links = {element.get('name', '') for element in root.findall('link')}
     for element in root:
-        kind = types.get(element.get('name', '')) if element.tag == 'joint' else None
+        name = element.get('name', '')
+        kind = types.get(name) if element.tag == 'joint' else None
         if kind == SCREW:
-            whole.extend(_thread(element, threads[element.get('name', '')], links))
+            whole.extend(_thread(element, threads[name], links))
+        elif kind in (None, 'FIXED'):
+            whole.append(element if kind is None else _fixed(element))
         else:
-            whole.extend([element] if kind is None else _replaced(element, kind, links))
+            whole.extend(_replaced(element, rows[name], links))
     return whole
 
 
@@ -174,31 +212,31 @@ def _thread(
     yield from (turns, ElementTree.Element('link', {'name': between}), slides)
 
 
+def _fixed(joint: ElementTree.Element) -> ElementTree.Element:
+    fixed = copy.deepcopy(joint)
+    fixed.set('type', 'fixed')
+    return fixed
+
+
 def _replaced(
-    joint: ElementTree.Element, kind: str, links: set[str]
+    joint: ElementTree.Element, row: tuple[RowPart, ...], links: set[str]
 ) -> Iterator[ElementTree.Element]:
-    name = joint.get('name', '')
-    if kind == 'FIXED':
-        fixed = copy.deepcopy(joint)
-        fixed.set('type', 'fixed')
-        yield fixed
-        return
     ends = [each.get('link', '') for side in ('parent', 'child') for each in joint.findall(side)]
-    row = _row(name, kind)
-    damping = dampings(joint) if kind == PLANAR else []
-    if kind == 'UJOINT_XY' and joint.get('type') == 'universal':
+    planar = row[0].type == 'prismatic'
+    damping = dampings(joint) if planar else []
+    if joint.get('type') == 'universal' and [part.axis for part in row] == ['X', 'Y']:
         damping = dampings(joint)[:1] * len(row)
-    axes = _in_plane(joint) if kind == PLANAR else _AXES
-    between = [_new_link(f'{each}_link', links) for each in [*row][:-1]]
+    axes = _in_plane(joint) if planar else _AXES
+    between = [_new_link(f'{part.name}_link', links) for part in row[:-1]]
     sides = [ends[0], *between, ends[-1]]
-    for n, (own, moves) in enumerate(row.items()):
+    for n, part in enumerate(row):
         if n:
             yield ElementTree.Element('link', {'name': sides[n]})
-        one = xml_file.beside(joint, {'name': own, 'type': moves})
+        one = xml_file.beside(joint, {'name': part.name, 'type': part.type})
         one.extend(joint.findall('origin') if n == 0 else [])
         ElementTree.SubElement(one, 'parent', {'link': sides[n]})
         ElementTree.SubElement(one, 'child', {'link': sides[n + 1]})
-        ElementTree.SubElement(one, 'axis', {'xyz': axes[own[-1]]})
+        ElementTree.SubElement(one, 'axis', {'xyz': axes[part.axis]})
         if damping:
             ElementTree.SubElement(one, 'dynamics', {'damping': damping[n]})
         yield one
@@ -225,8 +263,3 @@ def _in_plane(joint: ElementTree.Element) -> dict[str, str]:
         name: ' '.join(repr(float(each)) for each in row)
         for name, row in zip(_AXES, turned, strict=True)
     }
-
-
-def balls(types: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The joints of the row that each ball was made of, by the name of the ball."""
-    return {name: tuple(_row(name, kind)) for name, kind in types.items() if kind == 'SPHERICAL'}

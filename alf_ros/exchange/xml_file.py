@@ -23,7 +23,8 @@ from alf_ros.scene.text.yaml_document import LARGEST_FILE
 # of a xacro: a declaration, whatever it says, and an element with the prefix; xacro goes by both
 _XACRO = (re.compile(rb'\sxmlns:xacro\s*='), re.compile(rb'<xacro:[A-Za-z_]'))
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
-_COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
+# a comment, and a CDATA section, in which nothing is one
+_COMMENT = re.compile(rb'<!--.*?-->|<!\[CDATA\[.*?\]\]>', re.DOTALL)
 _DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
 _ENCODING = re.compile(rb'(<\?xml\b[^>]*?\sencoding\s*=\s*)("[^"]*"|\'[^\']*\')')
 _NAMESPACE = re.compile(rb'\sxmlns\s*=\s*("[^"]*"|\'[^\']*\')')
@@ -31,6 +32,9 @@ _SCOPED = re.compile(rb'</?[A-Za-z_][\w.-]*(?:::[\w.-]+)+')
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
 # how files in UTF-16 begin, with a mark of the order of bytes or without one
 _UTF_16 = {b'\xff\xfe': 'utf-16', b'\xfe\xff': 'utf-16', b'<\0': 'utf-16-le', b'\0<': 'utf-16-be'}
+
+
+_DEEPEST = 200  # elements in elements
 
 
 class PlacedElement(ElementTree.Element):
@@ -43,7 +47,7 @@ class PlacedElement(ElementTree.Element):
 
 def kind_of(path: Path) -> str:
     """The name of the first element of a file, `mujoco`, `sdf` or `robot`; '' if there is none."""
-    bare = _COMMENT.sub(b'', _content(path))
+    bare = _COMMENT.sub(_blank, _content(path))
     root = _ROOT.search(bare)
     return '' if root is None else root[0][1:].decode('ascii', 'replace')
 
@@ -81,17 +85,28 @@ def _parsed(text: bytes, path: Path, expanded: bool = False) -> ElementTree.Elem
         )
     except (ElementTree.ParseError, ValueError, LookupError) as error:  # an unknown encoding
         raise InputError(f'not XML: {error}', file=str(path)) from None
-    for element, line in zip(root.iter(), _lines(declared), strict=True):
+    for element, line in zip(root.iter(), _lines(declared, path), strict=True):
         if isinstance(element, PlacedElement):
             element.file, element.line = str(path), None if expanded else line
     return root
 
 
-def _lines(text: bytes) -> list[int]:
-    """Of each element of a text that is XML the line on which it begins."""
+def _lines(text: bytes, path: Path) -> list[int]:
+    """Of each element of a text that is XML the line on which it begins. Raises InputError for
+    elements that are too deep inside others, because readers call themselves for each."""
     lines: list[int] = []
+    inside: list[str] = []
     parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda tag, attributes: lines.append(parser.CurrentLineNumber)
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        lines.append(parser.CurrentLineNumber)
+        inside.append(tag)
+        if len(inside) > _DEEPEST:
+            message = f'an element inside more than {_DEEPEST} others'
+            raise InputError(message, file=str(path), line=lines[-1], key=tag)
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda tag: inside.pop()
     parser.Parse(text, True)
     return lines
 
@@ -103,12 +118,16 @@ def _strict(text: bytes) -> bytes:
     The parser of Gazebo and ROS reads comments with two hyphens, a declaration behind blank lines,
     and names as `gz::system_priority`, and knows no namespaces. Many files need this.
     """
-    bare = _NAMESPACE.sub(_blank, _COMMENT.sub(_blank, text))
+    bare = _NAMESPACE.sub(_blank, _without_comments(text))
     bare = _SCOPED.sub(lambda found: found[0].replace(b'::', b':', 1).replace(b'::', b'.'), bare)
     found = _DECLARATION.match(bare)
     if found is None:
         return bare
     return found[1] + bare[: found.start(1)] + bare[found.end(1) :]
+
+
+def _without_comments(text: bytes) -> bytes:
+    return _COMMENT.sub(lambda found: found[0] if found[0][2:3] == b'[' else _blank(found), text)
 
 
 def _blank(found: re.Match[bytes]) -> bytes:

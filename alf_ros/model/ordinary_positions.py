@@ -128,8 +128,9 @@ def _in_mesh(
     model: Model, work: Work, q: Floats, random: _Directions
 ) -> tuple[int, list[Floats]] | None:
     """The largest rank at positions around q that keep gears, threads and couplings in mesh, and
-    where it was found; None without these, or if q has no positions around it."""
-    if not integrals(model.layout, teeth=True):
+    where it was found; None without these, or without their rows as in a model of places only, or
+    if q has no positions around it."""
+    if not (model.system.rows.velocity and integrals(model.layout, teeth=True)):
         return None
     away, found = 0.05 * min(model.size, _shortest(model)), list[tuple[int, Floats]]()
     for turn in range(8):

@@ -11,7 +11,7 @@ from typing import Any
 
 from alf_ros.errors import InputError, StepError
 from alf_ros.scene.effect_values import with_effect_values
-from alf_ros.scene.scene import PICKED, Scene, Solver, joined, load_scene
+from alf_ros.scene.scene import PICKED, Scene, Solver, joined
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 
@@ -83,40 +83,50 @@ def asked(before: Solver, accuracy: float) -> dict[str, Any]:
     return {'accuracy': accuracy} if accuracy else {k: getattr(before, k) for k in PICKED}
 
 
-def loaded(
-    name: str,
-    solver: Mapping[str, Any],
-    rate: float | None = None,
-    ledger: bool = False,
-    code: bool = True,
-) -> Setup:
-    """The setup of another scene; `code` as `load_scene` has it.
-
-    Raises InputError, AssemblyError.
-    """
-    return made(load_scene(name, code=code), solver, rate, ledger)
-
-
 def changed(
     setup: Setup, solver: Mapping[str, Any], effects: Mapping[str, Any], rate: float
 ) -> Setup:
-    """The setup with other solver settings, numbers of effects, or ticks (Hz), at the same state.
+    """The setup with other numbers, as `remade`, at the same state, as `continued`."""
+    return continued(setup, remade(setup, solver, effects, rate))
 
-    Raises InputError for what cannot be, and if the time is not a whole number of the new steps.
-    """
+
+def searches(setup: Setup, solver: Mapping[str, Any]) -> float:
+    """The accuracy (m) for which `remade` with these changes searches settings; 0 without."""
+    given = joined(dataclasses.asdict(setup.simulation.solver), solver)
+    return float(given.get('accuracy') or 0.0)
+
+
+def remade(
+    setup: Setup, solver: Mapping[str, Any], effects: Mapping[str, Any], rate: float
+) -> Setup:
+    """The setup with other solver settings, numbers of effects, or ticks (Hz), at the start of the
+    scene, for `continued`. This may take long; it reads no state, and `setup` may run in another
+    thread. Raises InputError for what cannot be."""
     if not solver and not effects:
         return dataclasses.replace(setup, steps=steps_per_tick(rate, setup.simulation.h))
     scene, before = with_effect_values(setup.scene, effects), setup.simulation
     given = joined(dataclasses.asdict(before.solver), solver)
+    steps = steps_per_tick(rate, given['step'])
     simulation = Simulation(scene, **given, ledger=before.ledger)
     if simulation.model.layout.of_auxiliary != before.model.layout.of_auxiliary:
         text = 'an armature from or to zero changes the rotors: load the scene again'
         raise InputError(text, key=next(name for name in effects if name.endswith('armature')))
-    steps = steps_per_tick(rate, simulation.h)
-    simulation.restore(on_grid(before.state, before.h, simulation.h))
     with suppress(StepError):
         simulation.step(0)
     return Setup(scene, simulation, steps)
+
+
+def continued(before: Setup, new: Setup) -> Setup:
+    """`new`, which was `remade` from `before`, at the present state of `before`.
+
+    Raises InputError if the time is not a whole number of the new steps.
+    """
+    if new.simulation is not before.simulation:
+        state = before.simulation.state
+        new.simulation.restore(on_grid(state, before.simulation.h, new.simulation.h))
+        with suppress(StepError):
+            new.simulation.step(0)
+    return new
 
 
 def on_grid(state: State, h: float, new: float) -> State:

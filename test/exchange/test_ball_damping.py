@@ -80,3 +80,16 @@ def test_damping_of_balls_that_is_listed(tmp_path: Path) -> None:
     negative = URDF.replace('"0.3"', '"-0.3"')
     with pytest.raises(InputError, match=r'it.urdf:\d+: b1: negative damping'):
         imported(saved(tmp_path, 'it.urdf', negative), scene=True)
+
+
+def test_what_an_sdf_says_of_the_axes_of_a_ball_is_listed(tmp_path: Path) -> None:
+    """A ball has no axes, so no damping and limits about them."""
+    sdf = """<sdf version="1.9"><model name="m"><link name="a"/><joint name="eye" type="ball">
+<parent>world</parent><child>a</child>%s</joint></model></sdf>"""
+    said = 'these joints have none: eye\n'
+    for inside in ('<dynamics><damping>3</damping></dynamics>', '<limit><upper>1</upper></limit>'):
+        for tag in ('axis', 'axis2'):
+            source = sdf % f'<{tag}><xyz>0 1 0</xyz>{inside}</{tag}>'
+            assert said in imported(saved(tmp_path, 'it.sdf', source), scene=True)
+    plain = sdf % '<axis><xyz>0 1 0</xyz><limit><upper>1e16</upper></limit></axis>'
+    assert said not in imported(saved(tmp_path, 'it.sdf', plain), scene=True)

@@ -122,6 +122,36 @@ def test_names_of_rows_that_a_file_has_already(tmp_path: Path) -> None:
     assert abs(ends[0][0]) > 0.01
 
 
+def test_joints_with_the_names_of_parts_of_a_row(tmp_path: Path) -> None:
+    """The angles of a universal joint get free names, also for --set; the robot is the same."""
+    taken = saved(tmp_path, URDF.replace('name="h"', 'name="u_X"').replace('"s"', '"u_Y"'))
+    plain = saved(tmp_path, URDF, 'plain.urdf')
+    ends = []
+    for source, names in ((taken, ('u_X', 'u_Y', 'u_X_2', 'u_Y_2')), (plain, ('h', 's', *'XY'))):
+        names = tuple(f'u_{name}' if name in 'XY' else name for name in names)
+        given = dict(zip(names[2:], (0.3, -0.2), strict=True))
+        text = imported(source, scene=True, positions=given)
+        assert text == imported(
+            source, scene=True, loops=saved(tmp_path, f'positions: {given}', 'side.yaml')
+        )
+        simulation = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+        simulation.step(200)
+        joints = simulation.sample().joints
+        ends.append([joints[name].position for name in names])
+        told = '#   names, changed: u_X of u is u_X_2, u_Y of u is u_Y_2\n'
+        assert (told in text) == (source == taken)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-11)
+    assert min(abs(each) for each in ends[0]) > 1e-3
+
+
+def test_a_pitch_between_spaces(tmp_path: Path) -> None:
+    spaced = URDF.replace('thread_pitch value="', 'thread_pitch value=" ')
+    assert spaced != URDF
+    assert imported(saved(tmp_path, spaced)) == imported(saved(tmp_path, URDF))
+    spaced = spaced.replace('thread_pitch value=" 0.7"', 'thread_pitch value="0.7\t"')
+    assert imported(saved(tmp_path, spaced)) == imported(saved(tmp_path, URDF))
+
+
 def test_positions_of_rows_in_a_side_file_and_with_set(tmp_path: Path) -> None:
     source = saved(tmp_path, URDF)
     given = {'u_X': 0.3, 'u_Y': -0.2, 's': 0.5}

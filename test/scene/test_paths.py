@@ -121,6 +121,24 @@ def test_a_file_is_replaced_as_a_whole_or_not_at_all(folder: Path) -> None:
     assert not list(folder.glob('.*'))
 
 
+@pytest.mark.parametrize('suffix', ['.csv', ''])
+def test_a_name_as_long_as_names_can_be_is_replaced(folder: Path, suffix: str) -> None:
+    most = os.pathconf(folder, 'PC_NAME_MAX')
+    for name in ('n' * (most - len(suffix)) + suffix, 'n.' + 's' * (most - 2)):
+        paths.put(folder / name, 'text')
+        paths.put(folder / name, 'again')
+        assert (folder / name).read_text() == 'again'
+    assert not list(folder.glob('.*'))
+
+
+def test_files_that_are_replaced_at_once_do_not_meet(folder: Path) -> None:
+    with paths.replacing(folder / 'a.csv') as one, paths.replacing(folder / 'b.csv') as other:
+        assert one != other
+        one.write_text('a')
+        other.write_text('b')
+    assert (folder / 'a.csv').read_text() == 'a' and (folder / 'b.csv').read_text() == 'b'
+
+
 def test_what_is_no_file_is_written_itself(folder: Path) -> None:
     """A pipe stays one, as /dev/null does."""
     reader = os.open('pipe.yaml', os.O_RDONLY | os.O_NONBLOCK)

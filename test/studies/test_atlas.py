@@ -94,6 +94,25 @@ def test_a_crank_and_rocker() -> None:
         assert piece.velocity_ratio * piece.advantage == pytest.approx(1.0, abs=1e-12)
 
 
+def test_an_atlas_tells_how_far_it_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told: list[float] = []
+    (sheet,) = atlas('four_bar', 'crank_pin', starts=5, report=told.append).sheets
+    assert len(told) == sheet.starts  # the last five found nothing new
+    last = range(len(told) - 5, len(told))
+    assert told[-5:] == [k / sheet.starts for k in last]
+    told.clear()
+    over = ['B.x', 'B.y']
+    both = atlas('double_pendulum', over, levels=3, starts=2, report=told.append)
+    assert len(told) == sum(sheet.starts for sheet in both.sheets)
+    assert [int(3 * part + 1e-9) for part in told] == sorted(int(3 * p + 1e-9) for p in told)
+    monkeypatch.setattr('alf_ros.commands.progress._LINES', 0.0)
+    assert program.main(['atlas', 'four_bar', '--over', 'crank_pin', '--starts', '5']) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == sheet.starts and lines[-1].startswith('atlas  ')
+
+
 def test_travel_limits_of_a_rocker() -> None:
     a, b, c, d = 1.0, 3.0, 2.5, 3.2
     found = atlas(four_bar(a, b, c, d), 'foot')

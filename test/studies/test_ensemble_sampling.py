@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import math
 import pickle
 import re
 
@@ -12,6 +13,7 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
+from alf_ros import ensemble
 from alf_ros.errors import InputError
 from alf_ros.studies.ensemble import distributions as law
 from alf_ros.studies.ensemble.distributions import distribution
@@ -36,6 +38,38 @@ def test_a_distribution_is_that_of_scipy(given, exact):
     found = [pickle.loads(pickle.dumps(given)).at(each) for each in u]
     assert found == pytest.approx(exact.ppf(u), rel=1e-9, abs=1e-12)
     assert distribution(given.data, 'x') == given
+
+
+def test_sides_may_be_open_and_numbers_of_numpy():
+    """Of the law of scipy; a law of one's own that has the name of another is none of them."""
+    told = distribution(stats.truncnorm(-2.0, np.inf, loc=1.0, scale=0.3), 'x')
+    assert distribution(told.data, 'x') == told
+    assert told.at(0.01) == float(stats.truncnorm(-2.0, np.inf, 1.0, 0.3).ppf(0.01))
+    given = distribution({'uniform': [np.int64(2), np.float32(4.0)]}, 'x')
+    assert given == law.uniform(2, 4.0) and pickle.loads(pickle.dumps(given)) == given
+    short = type(stats.norm)(a=-1.0, b=1.0, name='norm')()
+    with pytest.raises(InputError, match="x: not a distribution of scipy.stats, got 'norm'"):
+        distribution(short, 'x')
+    with pytest.raises(InputError, match=r'x: norm\.loc: not a number, got \[1, 2\]'):
+        distribution(stats.norm(loc=[1, 2]), 'x')
+
+
+def test_a_quantile_beyond_the_range_of_numbers_is_of_no_member():
+    """The law has it, a scene has not: the member says it, the others run."""
+    found = ensemble(
+        'pendulum',
+        {'bar.mass': {'lognormal': [1.0, 3000.0]}},
+        6,
+        outputs=['final(energy)'],
+        duration=0.01,
+        workers=0,
+    )
+    masses, reasons = found['bar.mass'].values, found.reason.values
+    assert np.isinf(masses).any()
+    for mass, reason in zip(masses.tolist(), reasons.tolist(), strict=True):
+        if math.isinf(mass):
+            assert reason.startswith("vary.bar.mass: not a finite number, got 'inf'")
+    assert np.isnan(found.final_energy.values[reasons != '']).all()
 
 
 def test_a_number_is_a_word_of_philox():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from alf_ros.effects.contract.trajectory import through
 from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.studies.statics import descent, newton_rest
 from alf_ros.studies.statics.instant import angles
-from alf_ros.studies.statics.positions_of_rest import beginning
+from alf_ros.studies.statics.positions_of_rest import beginning, found_at
 from alf_ros.studies.statics.turned_starts import counting, turned_starts
 from support.some_scenes import LONG
 from support.statics_scenes import (
@@ -679,3 +680,32 @@ def test_refused() -> None:
         equilibrium(chain(1), t=float('nan'))
     with pytest.raises(InputError, match='starts'):
         equilibria(chain(1), starts=-1)
+
+
+def test_a_body_in_a_mirror_is_at_rest_nowhere() -> None:
+    """Rows hold there as well: the search alone would call it a position of rest."""
+    points = {'O': [0, 0, 0], 'B': [0.3, 0, 0], 'C': [0.1, 0.2, 0], 'D': [0.1, 0.1, 0.2]}
+    tool = {'points': list(points), 'mass': 1, 'com': [0.1, 0.05, 0.05]}
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'space': 'spatial',
+                'points': {n: {'at': at, 'fixed': n == 'O'} for n, at in points.items()},
+                'bodies': {'tool': tool | {'inertia': {'about_com': [0.1, 0.11, 0.12]}}},
+                'joints': {
+                    'ball': {'type': 'spherical', 'between': ['ground', 'tool'], 'at': 'O'}
+                },
+            },
+            'effects': {'gravity': {'acceleration': [0, 0, -9.81]}},
+        }
+    )
+    simulation, start = beginning(scene, None)
+    q = np.array(start.q).reshape(-1, 3)
+    q[:, 0] *= -1.0
+    for search in (descent.descended, newton_rest.nearest_rest):
+        assert found_at(simulation, search(start)).residual < 1e-9
+        landing = search(replace(start, q=q.reshape(-1)))
+        assert landing.rests
+        with pytest.raises(InputError, match='where body tool would be its mirror image; start'):
+            found_at(simulation, landing)

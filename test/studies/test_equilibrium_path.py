@@ -75,6 +75,18 @@ def test_a_shallow_arch_snaps_through_at_both_limit_points() -> None:
     np.testing.assert_allclose(lowest, 0.0, atol=1e-8)
 
 
+def test_a_path_tells_how_far_it_is_also_where_it_turns_back() -> None:
+    told: list[float] = []
+    path = equilibrium_path(arch(0.5), over='load.force.1', end=-60.0, report=told.append)
+    assert len(path.turns) == 2
+    assert told == sorted(told) and told[-1] == 1.0
+    first = abs(path.values[1]) / 60.0
+    assert told[0] == pytest.approx(first, rel=1e-12)  # so much of the load is on it
+    told.clear()
+    equilibrium_path(arch(0.5), over='load.force.1', end=-60.0, most=10, report=told.append)
+    assert told[-1] == 1.0
+
+
 def test_a_tall_arch_sways_before_it_snaps() -> None:
     """Pitchforks where the lateral stiffness vanishes: l³ = l₀ y²."""
     slack = np.hypot(1.0, 3.0)

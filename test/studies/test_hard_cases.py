@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import math
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -202,6 +204,24 @@ def test_a_folder_that_cannot_be_is_an_input_error(
     assert main(['hard_cases', '--quick', '--folder', str(tmp_path / 'file/below')]) == 2
     out, err = capsys.readouterr()
     assert out == '' and err.count('\n') == 1 and '--folder' in err
+
+
+def test_a_table_that_was_interrupted_leaves_the_one_before(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def interrupted(quick: bool) -> Iterator[TableRow]:
+        yield failing(1.0, 'rk4', 1.0)
+
+    def execute(run: object) -> object:
+        raise KeyboardInterrupt
+
+    (tmp_path / 'hard_cases.csv').write_text('before')
+    monkeypatch.setitem(CASES, 'change_point', interrupted)
+    monkeypatch.setattr('alf_ros.studies.hard_cases.table.execute', execute)
+    with contextlib.suppress(KeyboardInterrupt):
+        main(['hard_cases', '--case', 'change_point', '--folder', str(tmp_path)])
+    assert [path.name for path in tmp_path.iterdir()] == ['hard_cases.csv']
+    assert (tmp_path / 'hard_cases.csv').read_text() == 'before'
 
 
 def test_without_matplotlib_there_are_results_but_no_picture(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from alf_ros import Simulation, load_scene, optimise
 from alf_ros.arrays import Floats
-from alf_ros.errors import AlfError, InputError
+from alf_ros.errors import AlfError, InputError, StoppedError
 from alf_ros.studies.optimisation.design_goal import DesignGoal, design_goal
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
 from alf_ros.studies.optimisation.design_quantity import design_quantity
@@ -208,6 +208,23 @@ def test_steps_to_impossible_designs_are_refused() -> None:
     assert 'it cannot be between its samples: t = 0.8' in str(found)  # nor run there
     assert np.isnan(found.starts[found.best].tried).any()
     assert all(each.end is not None or each.reason for each in found.starts)
+
+
+@pytest.mark.parametrize('minimise', ['max(velocities.P.x)', {'path': 'P', 'through': NEAR}])
+def test_a_stop_is_no_impossible_design(minimise: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that ends has no result: the search would go on, and call the scene the best."""
+    whole, left = Designs._motion, [1]
+
+    def stopped(self: Designs, values: Floats, period: float | None = None) -> DesignMotion:
+        left[0] -= 1
+        if left[0] < 0:
+            raise StoppedError
+        return whole(self, values, period)
+
+    monkeypatch.setattr(Designs, '_motion', stopped)
+    with pytest.raises(StoppedError):
+        optimise(four_bar(), {'a': [0.05, 0.15]}, minimise, duration=1.0, period=0.1)
+    assert left[0] == -1
 
 
 def test_starts_that_fail_are_rows() -> None:

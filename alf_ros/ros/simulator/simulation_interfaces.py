@@ -22,6 +22,7 @@ from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
 from alf_ros import resources
 from alf_ros.errors import AlfError, InputError
 from alf_ros.ros.messages.templates import WORLD
+from alf_ros.ros.parameter_services import Change
 from alf_ros.ros.simulator.control import Control
 from alf_ros.ros.simulator.entities import entity_state, wanted_pose, wanted_twist
 
@@ -47,8 +48,9 @@ _SUFFIXES = ('.yaml', '.yml')
 class SimulationServices:
     """Offers the interfaces below the node's name, such as `~/get_simulator_features`."""
 
-    def __init__(self, node: Node, control: Control) -> None:
-        self._node, self._control = node, control
+    def __init__(self, node: Node, control: Control, change: Change) -> None:
+        """`change` sets parameters of the node."""
+        self._node, self._control, self._change = node, control, change
         self._paused_in = -1  # the run, by its number, that was paused without a step
         self._features: list[int] = []
         waiting = ReentrantCallbackGroup()
@@ -180,7 +182,7 @@ class SimulationServices:
 
     # -------------------------------------------------------------------------------------- world
 
-    def _on_load(self, request: Any, response: Any) -> Any:
+    async def _on_load(self, request: Any, response: Any) -> Any:
         kind = srv.LoadWorld.Response
         # Releases before 2.1 have another name for it; 2.0 has the two fields themselves.
         resource = _first(request, 'world_resource', 'level_resource') or request
@@ -192,7 +194,7 @@ class SimulationServices:
         if source is None:
             text = f'{resource.uri}: not a scene (.yaml), nor the name of one'
             return _failed(response, kind.UNSUPPORTED_FORMAT, text)
-        result = self._node.set_parameters([Parameter('scene', value=source)])[0]
+        result = await self._change([Parameter('scene', value=source)])
         if not result.successful:
             return _failed(response, kind.RESOURCE_PARSE_ERROR, result.reason)
         self._describe(response.world)

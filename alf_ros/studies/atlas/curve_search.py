@@ -13,6 +13,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.branches_report import Branches, reported
+from alf_ros.logs.progress import Report, silent
 from alf_ros.model import assembly, singular_branches
 from alf_ros.model.handedness import Handedness
 from alf_ros.model.sure_step import BESIDE, SAME, change
@@ -89,12 +90,14 @@ class CurveSearch:
             which = self._left[node].pop()
             self._leave(node, which)
 
-    def search(self, patience: int, seed: int) -> None:
-        """Start at random places until `patience` of them in a row found nothing new."""
+    def search(self, patience: int, seed: int, report: Report = silent) -> None:
+        """Start at random places until `patience` of them in a row found nothing new. `report`
+        takes the part that is done if the others find nothing new, 0 to 1."""
         model = self.space.known
         places, random = RandomPlaces(model, self.drawn, seed), np.random.default_rng(seed)
         vain = 0
         while vain < patience and self.starts < _MOST_STARTS * patience:
+            report(self.starts / (self.starts + patience - vain))
             known = [piece.q[random.integers(len(piece.q))] for piece in self.pieces]
             before = len(self.pieces)
             try:

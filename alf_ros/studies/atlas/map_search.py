@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.inspection.position_sweep import shortest
+from alf_ros.logs.progress import Report, silent
 from alf_ros.mechanism import Mechanism
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.compile import Model, compile_model
@@ -95,11 +97,13 @@ def searched(
     held: Held,
     request: MapRequest,
     levels: int | Sequence[float],
+    report: Report = silent,
 ) -> tuple[Model, list[Sheet]]:
     """The model of the sheets, and the sheets.
 
-    bare: the mechanism without drives. Raises InputError for another number of freedoms than
-    coordinates, AssemblyError if the loops do not close.
+    bare: the mechanism without drives; `report` takes the part that is done, 0 to 1. Raises
+    InputError for another number of freedoms than coordinates, AssemblyError if the loops do not
+    close.
     """
     penalty = scene.solver.penalty
     free = compile_model(_holding(bare, held), penalty)
@@ -110,22 +114,28 @@ def searched(
     ground = _ground(free, q)
     _refuse_freedoms(free.n - ground.space.rank, 1 if request.second is None else 2)
     if request.second is None:
-        return free, [_sheet(ground, request, [q, ground.usual], math.nan, free.q)]
+        return free, [_sheet(ground, request, [q, ground.usual], math.nan, free.q, report)]
     second = request.second
     values = _levels(free, second, ground, levels, request.seed)
     here = second.read(CoordinateReader(free), q, np.zeros_like(q))[0]
     model = compile_model(_holding(bare, [*held, (second, here)]), penalty)
     known = [assembly.close(model, {}, _carried(free, q, model))]
     ground, sheets = _ground(model, known[0]), list[Sheet]()
-    for level in values:
+    for n, level in enumerate(values):
         drawn = np.array(model.q)
         second.hold_at(model, drawn, level)
         moved = [_moved(ground.space, second, each, level) for each in known]
         starts = [each for each in moved if each is not None]
-        sheets.append(_sheet(ground, request, starts, level, drawn))
+        told = partial(_tell, report, n, len(values))
+        sheets.append(_sheet(ground, request, starts, level, drawn, told))
         pieces = sheets[-1].pieces
         known = [piece.q[len(piece.q) // part] for piece in pieces for part in (2, 5)] or known
     return model, sheets
+
+
+def _tell(report: Report, done: int, sheets: int, part: float) -> None:
+    """Report a part of a sheet as one of all sheets."""
+    report((done + part) / sheets)
 
 
 def _holding(bare: Mechanism, held: Held) -> Mechanism:
@@ -153,13 +163,18 @@ def _ground(model: Model, q: Floats) -> _Ground:
 
 
 def _sheet(
-    ground: _Ground, request: MapRequest, known: Sequence[Floats], level: float, drawn: Floats
+    ground: _Ground,
+    request: MapRequest,
+    known: Sequence[Floats],
+    level: float,
+    drawn: Floats,
+    report: Report,
 ) -> Sheet:
     """The curves that a search from known positions and from random ones around `drawn` finds."""
     search = CurveSearch(ground.space, ground.dependent, drawn)
     for q in known:
         search.start_at(q)
-    search.search(request.starts, request.seed)
+    search.search(request.starts, request.seed, report)
     reader = CoordinateReader(ground.space.model)
     reads = Quantities(reader, request.over, request.output, request.bar)
     circuits = search.circuits()

@@ -13,6 +13,7 @@ import numpy as np
 from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.logs.progress import Report, silent
 from alf_ros.mechanism import Mechanism
 from alf_ros.model.compile import Model
 from alf_ros.simulation.input_checks import number, text, whole
@@ -157,6 +158,7 @@ def atlas(
     bar: Sequence[str] | None = None,
     starts: int | None = None,
     seed: int = 0,
+    report: Report = silent,
 ) -> Atlas:
     """All positions of a mechanism over one or two of its coordinates.
 
@@ -168,6 +170,7 @@ def atlas(
     velocity ratio and the mechanical advantage; bar: the two points of a bar for the transmission
     angle, the output end last (`transmission` defines them). starts: each sheet is searched from
     random places until so many in a row find nothing new; 200, or 40 a sheet over two coordinates.
+    report: takes the part done.
 
     Raises InputError for names and numbers that are none, for another number of freedoms than
     coordinates, and for rows that bind velocities only; AssemblyError if the loops do not close,
@@ -191,7 +194,8 @@ def atlas(
         whole(seed, 'seed', 0),
     )
     held = _held(bare, hold, (first, second))
-    model, sheets = searched(scene, bare, held, request, _LEVELS if levels is None else levels)
+    wanted = _LEVELS if levels is None else levels
+    model, sheets = searched(scene, bare, held, request, wanted, report)
     return Atlas(
         scene.name,
         model,

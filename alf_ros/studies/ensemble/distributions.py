@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 from scipy import special
 
 from alf_ros.errors import InputError
@@ -78,11 +79,10 @@ class Distribution:
     numbers: tuple[tuple[str, float], ...]
 
     def __post_init__(self) -> None:
-        given = dict(self.numbers)
-        for name, number in given.items():
-            if isinstance(number, bool) or not isinstance(number, (int, float)):
-                raise InputError('not a number', key=f'{self.law}.{name}', value=number)
-            if not math.isfinite(number):
+        given = {name: _plain(number, f'{self.law}.{name}') for name, number in self.numbers}
+        object.__setattr__(self, 'numbers', tuple(given.items()))
+        for name, number in given.items():  # a side of `truncnorm` may be open
+            if math.isnan(number) or (math.isinf(number) and self.law in LAWS):
                 raise InputError('not finite', key=f'{self.law}.{name}', value=number)
         if self.law in LAWS:
             law = LAWS[self.law]
@@ -125,13 +125,28 @@ class Distribution:
         vars(self).update(state)
 
     def at(self, u: float) -> float:
-        """The quantile of u, 0 < u < 1."""
-        return self._quantile(u)
+        """The quantile of u, 0 < u < 1: infinite or NaN where it exceeds the range of numbers, or
+        where scipy does not find it. No scene takes such a number, so the member says it."""
+        try:
+            with np.errstate(all='ignore'):
+                return self._quantile(u)
+        except OverflowError:
+            return math.inf
+        except (ArithmeticError, RuntimeError, ValueError):  # of a root that scipy searches
+            return math.nan
 
     @property
     def data(self) -> Any:
         """Plain data from which `distribution` makes the same distribution."""
         return {self.law: dict(self.numbers)}
+
+
+def _plain(number: Any, key: str) -> float:
+    """A number of Python or numpy as one of Python. Raises InputError."""
+    found = number.item() if isinstance(number, np.generic) else number
+    if isinstance(found, bool) or not isinstance(found, (int, float)):
+        raise InputError('not a number', key=key, value=number)
+    return found
 
 
 def _of_scipy(law: str) -> Any:
@@ -190,8 +205,13 @@ def distribution(data: Any, key: str) -> Distribution:
                 return Distribution(str(law), tuple(numbers.items()))
         frozen = getattr(data, 'dist', None)
         if frozen is not None and hasattr(data, 'args') and hasattr(data, 'kwds'):
+            known = _of_scipy(frozen.name)
+            if type(known) is not type(frozen) or (known.a, known.b) != (frozen.a, frozen.b):
+                # one's own law, under the name of another
+                raise InputError('not a distribution of scipy.stats', value=frozen.name)
             told = dict(zip(_names_of_scipy(frozen.name), data.args, strict=False))
-            numbers = {k: float(v) for k, v in {**told, **data.kwds}.items()}
+            given = {**told, **data.kwds}
+            numbers = {k: float(_plain(v, f'{frozen.name}.{k}')) for k, v in given.items()}
             if frozen.name == 'uniform':  # ours has other numbers
                 low = numbers.get('loc', 0.0)
                 return uniform(low, low + numbers.get('scale', 1.0))

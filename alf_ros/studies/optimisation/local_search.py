@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares, minimize
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import AlfError
+from alf_ros.errors import AlfError, StoppedError
 from alf_ros.studies.optimisation.designs import Design, Designs
 
 _TIGHT = 1e-12  # relative change of the objective, and of u, that ends a least-squares search
@@ -98,6 +98,8 @@ class _Search:
         def residuals(u: Floats) -> Floats:
             try:
                 found = self._at(u)
+            except StoppedError:  # of the program, not of this design
+                raise
             except AlfError as error:
                 failure[:] = [str(error)]
                 return np.full(size, np.nan)
@@ -167,6 +169,8 @@ class _Search:
         def tried(u: Floats) -> Design:
             try:
                 return self._at(np.clip(u, low, high))
+            except StoppedError:
+                raise
             except AlfError as error:
                 raise _RefusedError(np.clip(u, low, high), error) from None
 

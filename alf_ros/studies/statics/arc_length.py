@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alf_ros.errors import InputError
+from alf_ros.model.handedness import Handedness
 from alf_ros.studies.statics.path_point import PathDirection, PathPoint
 
 _FIRST, _LONGEST, _SHORTEST = 0.01, 0.1, 1e-9
@@ -73,6 +74,9 @@ def corrected(
         best = here if here.left <= best.left else best
     if best.left > _RESTS * max(best.scale, before.scale):
         raise LostPathError('no position of rest is found beside the last one')
+    fault = Handedness(best.instant.model).fault(best.instant.q)
+    if fault:
+        raise LostPathError(f'after a shorter step too {fault}')
     return best.settled()
 
 

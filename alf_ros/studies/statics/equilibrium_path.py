@@ -16,6 +16,7 @@ from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run
+from alf_ros.logs.progress import Report, silent
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.rotors import rotor_blocks
 from alf_ros.scene.scene import Scene
@@ -218,11 +219,12 @@ class EquilibriumPath:
         courses = branched(critical, self._course.limits)
         return tuple(EquilibriumPath(self._varied, course) for course in courses)
 
-    def branches(self) -> dict[str, tuple[EquilibriumPath, ...]]:
+    def branches(self, report: Report = silent) -> dict[str, tuple[EquilibriumPath, ...]]:
         """The paths that `follow` finds at each branch point, by name; a path that passes several
-        branch points counts once."""
+        branch points counts once. `report` takes the part of the branch points that is done."""
         found: dict[str, tuple[EquilibriumPath, ...]] = {}
-        for event in self.branch_points:
+        for k, event in enumerate(self.branch_points):
+            report(k / len(self.branch_points))
             here = self._course.points[event.index]
             sides = [side for each in found.values() for side in each]
             if not any(side._meets(here) for side in sides):
@@ -278,6 +280,7 @@ def equilibrium_path(
     t: float | None = None,
     nearest: bool = False,
     most: int = 2000,
+    report: Report = silent,
 ) -> EquilibriumPath:
     """Positions of rest while one number changes, also where the number turns back.
 
@@ -288,7 +291,8 @@ def equilibrium_path(
 
     The path begins with the position of rest that `equilibrium` finds at `start` (the present
     value if absent; `nearest` as there). It ends where the number is `end`, or on the other side
-    `back` (as far from `start` as `end` if absent), or after `most` points.
+    `back` (as far from `start` as `end` if absent), or after `most` points. `report` takes the
+    largest part of the way that was done, 0 to 1: a path may turn back.
 
     Raises InputError for unknown names, where nothing is free, with rows that bind velocities
     only, from a singular position, for more than 1200 coordinates, and what `equilibrium` raises.
@@ -319,7 +323,7 @@ def equilibrium_path(
     there = varied.at(first).instant(rest.state.q, rest.state.turns)
     scales = PathScales(mass, length * there.loads.tangents.length, abs(last - first))
     point = PathPoint(varied, scales, first, there)
-    course = PathCourse(limits)
+    course = PathCourse(limits, report=report)
     course.follow(point, point.tangent(PathDirection(np.zeros(model.n), last - first)))
     return EquilibriumPath(varied, course)
 

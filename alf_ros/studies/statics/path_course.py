@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from alf_ros.errors import InputError
+from alf_ros.logs.progress import Report, silent
 from alf_ros.studies.statics.arc_length import LostPathError, PathStep, corrected, steps
 from alf_ros.studies.statics.path_events import CriticalPoint, critical_points
 from alf_ros.studies.statics.path_point import PathDirection, PathPoint
@@ -32,15 +33,23 @@ class PathLimits:
             return self.end
         return self.back if sense * (self.back - value) >= 0.0 else None
 
+    def part(self, first: float, value: float, points: int) -> float:
+        """The part of the way from `first` to one of the limits that is done at a value."""
+        ways = ((value - first, limit - first) for limit in (self.end, self.back))
+        parts = [way / whole for way, whole in ways if way * whole > 0.0]
+        return min(max(points / self.most, *parts), 1.0)
+
 
 @dataclass(eq=False)
 class PathCourse:
-    """Points in their order; critical points by their place among them; why it ends."""
+    """Points in their order; critical points by their place among them; why it ends. `report`
+    takes the largest part of the way to a limit that was done, 0 to 1."""
 
     limits: PathLimits
     points: list[PathPoint] = field(default_factory=list)
     critical: dict[int, CriticalPoint] = field(default_factory=dict)
     ending: str = ''
+    report: Report = silent
 
     def follow(
         self, start: PathPoint, direction: PathDirection, origin: PathPoint | None = None
@@ -48,6 +57,7 @@ class PathCourse:
         """From a point of the path along a direction of length 1. `origin`: where the path comes
         from, if it is another point."""
         origin = start if origin is None else origin
+        done = 0.0
         self.points.append(start)
         try:
             for step in steps(start, direction, self.limits.passed):
@@ -60,6 +70,9 @@ class PathCourse:
                     self.critical[len(self.points)] = found
                     self.points.append(found.point)
                 self.points.append(step.after)
+                part = self.limits.part(start.value, step.after.value, len(self.points))
+                done = max(done, part)
+                self.report(done)
                 if len(self.points) >= self.limits.most:
                     self.ending = f'{self.limits.most} points are reached'
                     return

@@ -177,8 +177,6 @@ def equilibria(
             except InputError as error:
                 refused = refused or error
                 continue
-            if hands.is_mirrored(each.state.q):
-                continue
             if not any(_is_same(model.size, which, each, other) for other in found):
                 found.append(each)
     if not found:
@@ -255,8 +253,13 @@ def _better(landing: Landing, start: Instant) -> Landing:
 
 
 def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
-    """Raises InputError if the landing is no position of rest."""
+    """Raises InputError if the landing is no position of rest, or holds parts as no assembly does:
+    steps are long beside small bodies."""
     instant, model = landing.instant, simulation.model
+    fault = Handedness(model).fault(instant.q)
+    if fault:
+        text = f'no position of rest is found: the search ends where {fault}; {_NEARER}'
+        raise InputError(text, key='effects')
     singular = _singular(simulation, landing)
     if not landing.rests and not singular:
         raise InputError(_unrest(simulation, landing), key='effects')
