@@ -111,7 +111,9 @@ class Ensemble:
             why = no_place(each)
             if why:
                 implicit = each.yields or each._run.stepper.is_implicit
-                key, value = ('integrator', each.solver.integrator) if implicit else ('scene', None)
+                key, value = (
+                    ('integrator', each.solver.integrator) if implicit else ('scene', None)
+                )
                 raise InputError(f'member {k}: {why}', key=key, value=value)
         try:
             return SideBySide(self._members)
