@@ -64,6 +64,7 @@ def test_an_open_side_in_a_file(tmp_path):
         file.write_text(f'scene: pendulum\nvary: {vary}\n')
         study = load_study(file, members=2, duration=0.01)
         ((_, found),) = study.vary
+        assert isinstance(found, law.Distribution)
         assert found.at(u) == pytest.approx(math.copysign((exact.ppf(0.9) - 1) / 0.3, u - 0.5))
     file.write_text('scene: pendulum\nvary: {bar.mass: {uniform: [0.5, .inf]}}\n')
     with pytest.raises(InputError, match=r'study.yaml:2: vary\.bar\.mass: .*high: not finite'):

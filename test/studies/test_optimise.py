@@ -231,7 +231,7 @@ def test_steps_to_impossible_designs_are_refused() -> None:
 
 @pytest.mark.parametrize('minimise', ['max(velocities.P.x)', {'path': 'P', 'through': NEAR}])
 def test_a_stop_is_no_impossible_design(minimise: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A program that ends has no result: the search would continue, and call the scene the best."""
+    """A program that ends has no result. The search would continue and call the scene the best."""
     whole, left = Designs._motion, [1]
 
     def stopped(self: Designs, values: Floats, period: float | None = None) -> DesignMotion:
