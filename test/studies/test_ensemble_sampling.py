@@ -18,6 +18,7 @@ from alf_ros.errors import InputError
 from alf_ros.studies.ensemble import distributions as law
 from alf_ros.studies.ensemble.distributions import distribution
 from alf_ros.studies.ensemble.sampling import Sampling
+from alf_ros.studies.ensemble.study_reading import load_study
 
 TWO = {'a': law.uniform(0.0, 1.0), 'b': law.normal(2.0, 0.5)}
 
@@ -41,7 +42,7 @@ def test_a_distribution_is_that_of_scipy(given, exact):
 
 
 def test_sides_may_be_open_and_numbers_of_numpy():
-    """Of the law of scipy; a law of one's own that has the name of another is none of them."""
+    """Of the law of scipy; a law of one's own that has the name of another is no such law."""
     told = distribution(stats.truncnorm(-2.0, np.inf, loc=1.0, scale=0.3), 'x')
     assert distribution(told.data, 'x') == told
     assert told.at(0.01) == float(stats.truncnorm(-2.0, np.inf, 1.0, 0.3).ppf(0.01))
@@ -52,6 +53,22 @@ def test_sides_may_be_open_and_numbers_of_numpy():
         distribution(short, 'x')
     with pytest.raises(InputError, match=r'x: norm\.loc: not a number, got \[1, 2\]'):
         distribution(stats.norm(loc=[1, 2]), 'x')
+
+
+def test_an_open_side_in_a_file(tmp_path):
+    """As YAML writes it, for laws that may have one."""
+    exact = stats.truncnorm(-2, math.inf, 1, 0.3)
+    for given, u in (('a: -2, b: .inf', 0.9), ('a: -.INF, b: 2', 0.1)):
+        file = tmp_path / 'study.yaml'
+        vary = f'{{gravity.acceleration.1: {{truncnorm: {{{given}}}}}}}'
+        file.write_text(f'scene: pendulum\nvary: {vary}\n')
+        study = load_study(file, members=2, duration=0.01)
+        ((_, found),) = study.vary
+        assert isinstance(found, law.Distribution)
+        assert found.at(u) == pytest.approx(math.copysign((exact.ppf(0.9) - 1) / 0.3, u - 0.5))
+    file.write_text('scene: pendulum\nvary: {bar.mass: {uniform: [0.5, .inf]}}\n')
+    with pytest.raises(InputError, match=r'study.yaml:2: vary\.bar\.mass: .*high: not finite'):
+        load_study(file, members=2)
 
 
 def test_a_quantile_beyond_the_range_of_numbers_is_of_no_member():

@@ -142,7 +142,7 @@ def test_what_is_nested_too_deep_is_damaged(whole, tmp_path):
 def test_another_study_or_other_versions_or_something_else_is_left_as_it_is(whole, tmp_path):
     file, study, bytes_, store = whole
     other = load_study(file, members=22)
-    with pytest.raises(InputError, match=r'^store: members: the store of another study, got 22; '):
+    with pytest.raises(InputError, match=r'^store\.members: the store of another study, got 22; '):
         conduct(other, store, ThisProcess())
     with pytest.raises(InputError, match=r'expected 23, or a new folder$'):
         conduct(other, store, ThisProcess())
@@ -159,7 +159,7 @@ def test_another_study_or_other_versions_or_something_else_is_left_as_it_is(whol
     manifest = json.loads((old / '.alf_ros' / 'manifest.json').read_text())
     manifest['versions']['numpy'] = '1.0'
     (old / '.alf_ros' / 'manifest.json').write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match=r"^store: numpy: the store of other versions, got '"):
+    with pytest.raises(InputError, match=r"^store\.numpy: the store of other versions, got '"):
         conduct(study, old, ThisProcess())
     (old / '.alf_ros' / 'manifest.json').write_text('{')
     with pytest.raises(InputError, match='its manifest cannot be read'):

@@ -109,7 +109,7 @@ def test_a_store_refuses_a_function_with_another_value(tmp_path: Any) -> None:
         )
 
     assert float(run_with(1.0).f[0]) == 1.0
-    with pytest.raises(InputError, match='store: outputs: the store of another study'):
+    with pytest.raises(InputError, match='store.outputs: the store of another study'):
         run_with(2.0)
 
 

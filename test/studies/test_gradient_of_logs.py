@@ -120,6 +120,21 @@ def test_a_log_of_a_step_and_of_none(tmp_path: Path) -> None:
         gradient(none, 'final(energy)', ['bar.mass'])
 
 
+def test_a_log_that_is_not_whole_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The mean of a part differs from the mean of the whole run."""
+    log = load(effort_from_tick(tmp_path, load_scene(ARM), 10))
+    given = ['--of', 'mean(pin.effort)', '--by', 'bar.mass']
+    assert main([str(log.files[0]), *given]) == 0
+    assert 'not whole' not in capsys.readouterr().out
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(log.files[0].read_bytes()[:-100])
+    assert main([str(cut), *given]) == 0
+    out = capsys.readouterr().out
+    assert f'the log is not whole: it is the run until t = {load(cut).end:.9g} s (' in out
+
+
 @pytest.mark.parametrize(
     ('edit', 'said'),
     [

@@ -154,6 +154,23 @@ def test_delay_and_quantised_encoders() -> None:
         assert channel.after == pytest.approx(quantum / np.sqrt(12.0), rel=0.15)
 
 
+def test_inputs_between_steps_are_told() -> None:
+    """A delay is wrong by the 0.3 ms by which all inputs are off the steps of 2 ms, which neither
+    residuals nor intervals show. With steps of 0.1 ms it is not."""
+    driven = Machine(
+        scene(pin__viscous=0.4), ('crank_pin', 'guide'), 1.0, inputs=pushes('crank_pin', 8.0, 1.0)
+    )
+    inputs = tuple(replace(each, t=each.t + 3e-4) for each in driven.inputs)
+    given = dict(zip(driven.joints, driven.x.T, strict=True))
+    recording = recorded(driven.t + 0.0123, given, inputs=inputs, name='run')
+    for step, delay in ((2e-3, 0.0123), (1e-4, 0.012)):
+        of = changed(scene(), {'solver.step': step})
+        found = identify(of, recording, FIT, window=0.5, delay=True)
+        assert found['delay'] == pytest.approx(delay, abs=1e-6)
+        told = 'inputs of run act at steps of 0.002 s, up to 0.0003 s from their times, which the'
+        assert (told in str(found)) == (step == 2e-3)
+
+
 def test_undetermined_numbers_are_named() -> None:
     """Without a known force, masses and friction have a common factor."""
     names = ['coupler.mass', 'crank.mass', 'pin.viscous', 'rail.viscous']

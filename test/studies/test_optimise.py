@@ -147,6 +147,25 @@ def test_a_limit_on_a_reaction() -> None:
     assert found.active == ('max(norm(pin.force))',) and found.is_feasible and found.settled
 
 
+def test_a_limit_of_zero_has_the_size_of_its_quantity() -> None:
+    """A motor holds 0.2 µN m against an effort that it cannot lose: half of it is left. To a
+    millionth of 1 N m all of it would be none."""
+    scene = whirled_bob()
+    scene['effects'] = {'joint_effort': {'push': {'joint': 'pin', 'effort': -2e-7}}}
+    found = optimise(
+        scene,
+        {'push.effort': [-3e-7, -1e-7]},
+        'rms(drives.motor.effort)',
+        subject_to={'final(drives.motor.effort)': [None, 0.0]},
+        duration=0.4,
+        period=0.02,
+    )
+    assert found['push.effort'] == pytest.approx(-1e-7, rel=1e-6)
+    assert not found.is_feasible and found.active == ('push.effort',)
+    assert found.starts[0].outside == pytest.approx(0.5, rel=1e-6)
+    assert 'no design within the limits was found: 50.00% outside' in found.notes
+
+
 def test_a_limit_on_the_transmission_angle() -> None:
     """The least angle of a four-bar is between coupler and rocker, with the crank along the
     ground: (d - a)² = b² + c² - 2 b c cos μ."""
@@ -212,7 +231,7 @@ def test_steps_to_impossible_designs_are_refused() -> None:
 
 @pytest.mark.parametrize('minimise', ['max(velocities.P.x)', {'path': 'P', 'through': NEAR}])
 def test_a_stop_is_no_impossible_design(minimise: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A program that ends has no result: the search would go on, and call the scene the best."""
+    """A program that ends has no result. The search would continue and call the scene the best."""
     whole, left = Designs._motion, [1]
 
     def stopped(self: Designs, values: Floats, period: float | None = None) -> DesignMotion:

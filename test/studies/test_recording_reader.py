@@ -123,8 +123,10 @@ def test_measured_efforts_may_act(tmp_path: Path) -> None:
     ]
     path = written(tmp_path / 'bag', messages)
     assert not read_recording(path, scene()).inputs
-    recording = read_recording(path, scene(), Topics(commands='joint_states'))
-    assert [x.said['effort'] for x in recording.inputs[:3]] == [0.0, 0.1, 0.2]
+    mixed = written(tmp_path / 'mixed', [*messages[3:5], *messages[:3], *messages[5:]])
+    for each in (path, mixed):
+        recording = read_recording(each, scene(), Topics(commands='joint_states'))
+        assert [x.said['effort'] for x in recording.inputs[:3]] == [0.0, 0.1, 0.2]
     assert {x.kind for x in recording.inputs} == {'effort'}
 
 
@@ -149,6 +151,8 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
     none = written(tmp_path / 'none', [joints('/joint_states', NOW, ['crankpin'], position=[0.7])])
     halved = joints('/joint_states', NOW, ['crank_pin', 'guide'], position=[0.7])
     short = written(tmp_path / 'short', [halved])
+    only = joints('/joint_states', NOW, ['guide'], velocity=[0.7])
+    speeds = written(tmp_path / 'speeds', [only])
     (tmp_path / 'sqlite').mkdir()
     (tmp_path / 'sqlite' / 'bag_0.db3').write_bytes(b'')
     (tmp_path / 'text.mcap').write_text('no bag')
@@ -162,6 +166,7 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
         (push, None, "('/w/copler' in the recording), got 'copler'; did you mean 'coupler'?"),
         (tilted, None, "a wrench in another frame, got 'tool'; expected 'world' or 'coupler'"),
         (none, None, "no recorded joint is one of the scene, got 'crankpin'; did you mean"),
+        (speeds, None, "joints: velocities without positions, got 'guide'; expected positions,"),
         (short, None, 'bag_0.mcap: /joint_states: a message that is not of its type'),
         (tmp_path / 'sqlite', None, 'a recording in SQLite; expected MCAP: `ros2 bag convert`'),
         (tmp_path / 'text.mcap', None, 'not an MCAP file'),
@@ -221,6 +226,11 @@ def test_what_would_be_another_motion_is_refused(tmp_path: Path) -> None:
         (
             [*state, wrench('/coupler', late, [np.nan, 0, 0])],
             '/coupler: force and torque: not fin',
+        ),
+        (
+            [*state, _effort(late), _effort(NOW + 10**7, effort=[9.0])],
+            'crank_pin: stamps of its effort go back: more than one run, or more than one sender, '
+            "got '-0.09 s'",
         ),
         ([*state, twice], "a joint that is in one message twice, got 'crank_pin'"),
     ]

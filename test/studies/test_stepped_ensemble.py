@@ -158,7 +158,15 @@ def test_a_member_that_fails_waits_until_it_is_reset():
         ({'members': 2, 'efforts': ['crank']}, "did you mean 'crank_pin'"),
         ({'members': 2, 'observations': ['points.B.z']}, 'points.B'),
         ({'members': 2, 'steps': 0}, 'steps'),
-        ({'members': 2, 'integrator': 'esdirk43'}, 'explicit'),
+        (
+            {'members': 2, 'integrator': 'esdirk43'},
+            "^integrator: member 0: only explicit .*'esdirk43'$",
+        ),
+        ({'members': 2, 'watch': True}, '^scene: member 0: a watched run,'),
+        (
+            {'vary': {'solver.step': [1e-3, 2e-3]}, 'sampling': 'table'},
+            '^vary: not of one step and integrator$',
+        ),
     ],
 )
 def test_refusals(settings, said):

@@ -19,6 +19,7 @@ from scipy import special
 from alf_ros.errors import InputError
 
 Value = str  # of a varied name, as `fork --set` takes it: text in YAML
+_OPEN = {'.inf': math.inf, '+.inf': math.inf, '-.inf': -math.inf}  # in YAML
 
 
 def _uniform(u: float, low: float, high: float) -> float:
@@ -142,8 +143,10 @@ class Distribution:
 
 
 def _plain(number: Any, key: str) -> float:
-    """A number of Python or numpy as one of Python. Raises InputError."""
+    """A number of Python, numpy or YAML as one of Python. Raises InputError."""
     found = number.item() if isinstance(number, np.generic) else number
+    if isinstance(found, str):
+        found = _OPEN.get(found.lower(), found)
     if isinstance(found, bool) or not isinstance(found, (int, float)):
         raise InputError('not a number', key=key, value=number)
     return found

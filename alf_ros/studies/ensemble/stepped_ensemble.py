@@ -16,7 +16,7 @@ from alf_ros.errors import InputError
 from alf_ros.kernel.lanes.observing import JOINT, JOINT_RATE, PLACE, VELOCITY, Observing, observe
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation import input_checks as check
-from alf_ros.simulation.side_by_side import SideBySide
+from alf_ros.simulation.side_by_side import SideBySide, no_place
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.study_reading import study_of
 
@@ -69,7 +69,7 @@ class Ensemble:
         if len(set(self.inputs)) < len(self.inputs):
             raise InputError('a joint is named twice', key='efforts', value=list(self.inputs))
         self.efforts = np.zeros((len(self._members), len(self.inputs)))
-        self._together = SideBySide(self._members)
+        self._together = self._side_by_side()
         if self._together.patterns > 1:
             raise InputError(_DIFFER, key='vary', value=list(vary or ()))
         self._failed: dict[int, str] = {}
@@ -94,7 +94,7 @@ class Ensemble:
         vars(other).update(vars(self))
         other._members = [self.simulation(k) for k in range(len(self))]
         other.efforts, other._failed = self.efforts.copy(), self.failed
-        other._together = SideBySide(other._members)
+        other._together = other._side_by_side()
         other._params = other._own_params()
         other._observing = other._reading()
         other._bind()
@@ -104,6 +104,21 @@ class Ensemble:
         return self.__copy__()
 
     # ---------------------------------------------------------------------------------- set-up
+
+    def _side_by_side(self) -> SideBySide:
+        """The members in registers. Raises InputError, about what the caller gave."""
+        for k, each in enumerate(self._members):
+            why = no_place(each)
+            if why:
+                implicit = each.yields or each._run.stepper.is_implicit
+                key, value = (
+                    ('integrator', each.solver.integrator) if implicit else ('scene', None)
+                )
+                raise InputError(f'member {k}: {why}', key=key, value=value)
+        try:
+            return SideBySide(self._members)
+        except InputError as error:  # of members that vary in their solver
+            raise error.about('vary') from None
 
     def _own_params(self) -> Floats:
         """(members, numbers) the numbers of the effects of all members in one array, into which

@@ -135,7 +135,7 @@ class EnsembleStore:
                             f'the store of other {what}'
                             if part == 'versions'
                             else f'the store of another {what}',
-                            key=f'store: {key}',
+                            key=f'store.{key}',
                             value=now[part][key],
                             expected=f'{_brief(before[part].get(key))}, or a new folder',
                         )

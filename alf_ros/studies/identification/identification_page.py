@@ -68,6 +68,7 @@ def _about(found: Identification) -> str:
     ]
     if found.trouble:
         rows.append(('not resolved', found.trouble))
+    rows += [('inputs', told) for told in found.beside_inputs]
     unused = [name for each in found.recordings for name in each.unused]
     if unused:
         rows.append(('recorded, not used', ', '.join(unused)))

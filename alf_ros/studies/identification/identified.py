@@ -27,6 +27,7 @@ from alf_ros.studies.identification.window_runs import WindowRuns
 from alf_ros.studies.result_folder import REPORT
 
 _DESIGN = 'design.json'
+_BESIDE = 1e-3  # of a step: inputs as near to one act in time
 _FAR = 1.5  # times its noise: residuals that the noise does not explain
 _WIDE = 1.959963984540054  # standard deviations of a normal distribution around 95 % of it
 
@@ -127,6 +128,20 @@ class Identification:
         """The combinations with a deviation of 100 % or more."""
         return tuple(each for each in self.combinations if not each.determined)
 
+    @property
+    def beside_inputs(self) -> list[str]:
+        """Recordings whose inputs do not act at their times, in words: they act at whole steps.
+        The intervals do not contain this error."""
+        found, h = [], self.runs.h
+        for each in self.recordings:
+            beside = each.beside_steps(h)
+            if beside > _BESIDE * h:
+                found.append(
+                    f'inputs of {each.name} act at steps of {h:g} s, up to {beside:.2g} s from '
+                    'their times, which the intervals do not contain: take a shorter solver.step'
+                )
+        return found
+
     def __getitem__(self, name: str) -> float:
         """The value of a number."""
         return float(self.values[self.names.index(name)])
@@ -197,6 +212,7 @@ class Identification:
         for recording in self.recordings:
             if recording.damage:
                 yield f'{recording.name} is damaged: {recording.damage}'
+        yield from self.beside_inputs
         if not self.settled:
             yield f'the fit has not settled: {self.reason}'
         if self.trouble:

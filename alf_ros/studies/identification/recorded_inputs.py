@@ -32,6 +32,7 @@ class RecordedInputs:
         self._names, self._simulation, self._plan = names, simulation, plan
         self._held: list[HeldInput] = []  # of a journal, in simulated time
         self._commands: list[tuple[int, tuple[str, str, dict[str, Any]]]] = []  # stamps, ns
+        self._measured: set[str] = set()  # joints whose efforts are, beside their positions
 
     def __len__(self) -> int:
         return len(self._commands) + len(self._held)
@@ -42,7 +43,20 @@ class RecordedInputs:
         return [stamp for stamp, _ in self._commands]
 
     def inputs(self, origin: int) -> tuple[HeldInput, ...]:
-        """By time. `origin`: the stamp at which time is zero, ns."""
+        """By time. `origin`: the stamp at which time is zero, ns. Raises InputError for stamps of
+        a command that go back: messages of one sender are recorded in their order."""
+        last: dict[tuple[str, str], int] = {}
+        for stamp, (kind, name, _) in self._commands:
+            back = stamp < last.setdefault((kind, name), stamp)
+            if back and name not in self._measured:
+                raise InputError(
+                    f'stamps of its {kind} go back: more than one run, or more than one sender',
+                    file=str(self._names.path),
+                    key=name,
+                    value=f'{(stamp - last[kind, name]) * _NS:.6g} s',
+                    expected='a recording for each run, with one clock',
+                )
+            last[kind, name] = stamp
         given = [HeldInput((t - origin) * _NS, *what) for t, what in self._commands]
         return tuple(sorted([*given, *self._held], key=lambda each: each.t))
 
@@ -73,6 +87,7 @@ class RecordedInputs:
             controls = dict(zip(KINDS, known[name], strict=True), effort=name in joints)
             if is_called(series.topic, self._names.topics.joints):
                 controls = dict.fromkeys(KINDS, False)  # measured there, not commanded
+                self._measured.add(name)
             else:
                 self._refuse_unfollowed(series, k, name, controls)
             given = {

@@ -109,6 +109,11 @@ class Recording:
                 inside[step, each.kind, each.name] = step, each
         return (*before.values(), *inside.values())
 
+    def beside_steps(self, h: float) -> float:
+        """How far inputs act from their times at most, s, at steps of h (s)."""
+        acting = [each.t for each in self.inputs if self.begin <= each.t <= self.end]
+        return max((abs(t - round(t / h) * h) for t in acting), default=0.0)
+
     @property
     def _positions(self) -> list[MeasuredChannel]:
         return [each for each in self.channels if each.kind == 'position']

@@ -216,6 +216,14 @@ class _Reader:
                     value=next(iter(self._unused)),
                     choices=self._simulation.model.coordinate_names,
                 )
+            if self._joints:
+                raise InputError(
+                    'velocities without positions',
+                    file=str(self._path),
+                    key='joints',
+                    value=next(joint for joint, _ in self._joints),
+                    expected='positions, which tell where windows begin',
+                )
             damaged = f', which is damaged: {self._damage}' if self._damage else ''
             raise InputError(
                 f'no positions of joints in this recording{damaged}',

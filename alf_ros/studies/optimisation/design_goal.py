@@ -200,11 +200,15 @@ def _path(data: Mapping[str, Any], key: str, sample: Sample, duration: float) ->
 
 @dataclass(frozen=True, eq=False)
 class DesignLimit:
-    """A number of the motion that must lie between `least` and `most`; one of them is finite."""
+    """A number of the motion that must lie between `least` and `most`; one of them is finite.
+
+    usual: the size of the number, in its unit, with which it compares to a limit of 0.
+    """
 
     goal: DesignGoal
     least: float
     most: float
+    usual: float = 1.0
 
     def room(self, value: float) -> float:
         """How far a value is inside, in parts of the limit's size; negative outside."""
@@ -213,8 +217,16 @@ class DesignLimit:
     @property
     def size(self) -> float:
         """Size of the number, its scale."""
-        finite = [abs(x) for x in (self.least, self.most) if math.isfinite(x)]
-        return max(finite) or 1.0
+        return self._largest or self.usual
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether 0 is the only limit, which tells no size."""
+        return self._largest == 0.0
+
+    @property
+    def _largest(self) -> float:
+        return max(abs(x) for x in (self.least, self.most) if math.isfinite(x))
 
 
 def design_limit(data: Any, pair: Any, key: str, sample: Sample, duration: float) -> DesignLimit:

@@ -36,7 +36,8 @@ class DesignStudy(SentScene):
 
     vary, minimise, subject_to: as `optimise` has them. duration, period (s): of the motion, and
     between its samples; driven: whether drives decide on the motion; begins: the numbers (P,)
-    with which each search begins; most: evaluations of one search.
+    with which each search begins; most: evaluations of one search; usual: sizes of the limited
+    numbers, as `sized` finds them.
     """
 
     vary: Mapping[str, Any]
@@ -47,6 +48,7 @@ class DesignStudy(SentScene):
     driven: bool
     begins: tuple[Floats, ...]
     most: int
+    usual: tuple[float, ...] = ()
 
     @cached_property
     def _sample(self) -> Sample:
@@ -57,14 +59,33 @@ class DesignStudy(SentScene):
 
         Raises InputError for numbers and goals that cannot be used.
         """
+        limits = limits_of(self.subject_to, self._sample, self.duration)
+        if self.usual:
+            each = zip(limits, self.usual, strict=True)
+            limits = [replace(limit, usual=usual) for limit, usual in each]
         return Designs(
             design_numbers(self.scene, self.vary),
             design_goal(self.minimise, 'minimise', self._sample, self.duration),
-            limits_of(self.subject_to, self._sample, self.duration),
+            limits,
             self.duration,
             self.period,
             self.driven,
         )
+
+    def sized(self) -> DesignStudy:
+        """The same with the sizes that limited numbers have in the first start that can be: a
+        limit of 0 tells none. Raises InputError as `designs` does."""
+        designs = self.designs()
+        if any(limit.is_zero for limit in designs.limits):
+            for begin in self.begins:
+                try:
+                    usual = tuple(size or 1.0 for size in designs.sizes_of(begin))
+                except StoppedError:
+                    raise
+                except AlfError:
+                    continue
+                return replace(self, usual=usual)
+        return self
 
     def indices(self, k: int) -> range:
         """The starts that belong to number k: that one."""

@@ -84,6 +84,11 @@ class Designs:
         goals = (self.objective, *(limit.goal for limit in self.limits))
         return tuple(goal.value(motion) for goal in goals)
 
+    def sizes_of(self, values: Floats) -> tuple[float, ...]:
+        """How large the limited numbers are along the motion of a design. Raises AlfError."""
+        motion = self._motion(values)
+        return tuple(limit.goal.size(motion) for limit in self.limits)
+
     def notes(self, values: Floats) -> list[str]:
         """Conditions of the numbers of a design, one sentence each. Raises AlfError."""
         motion = self._motion(values)

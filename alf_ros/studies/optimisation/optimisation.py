@@ -78,8 +78,8 @@ def optimise(
         driven=driven,
         begins=_begins(numbers, count, check.whole(seed, 'seed', 0, MOST_SEED), sampling),
         most=check.whole(designs, 'designs', 2, 1_000_000),
-    )
-    evaluation = study.designs()  # refuses goals that cannot be
+    ).sized()  # refuses goals that cannot be
+    evaluation = study.designs()
     ends = _ends(study, _workers(workers, count), report or _silent)
     best = _best([end.row for end in ends])
     if best is None:

@@ -44,8 +44,8 @@ class Optimum:
     values, before (P,): found, and in the scene. objective_before, objective_after: of the scene
     and of the new one; `before` is NaN if the scene itself has no objective. limits_before,
     limits_after: the limited numbers. active: the numbers at their bounds, and the limits that
-    hold with equality. is_feasible: whether all limits hold, to a millionth. notes: conditions of
-    the result, one sentence each. starts: all of them; `best` is the index of the best one.
+    hold with equality. is_feasible: whether all limits hold, to a millionth of their sizes. notes:
+    conditions of the result, one sentence each. starts: all; `best`: the index of the best one.
     curves_before, curves_after: of the objective and of each limited number, over time.
     """
 
