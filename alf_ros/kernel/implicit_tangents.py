@@ -33,7 +33,7 @@ from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.status import OK, UNFOLLOWED
 from alf_ros.kernel.step import scales_of
 from alf_ros.kernel.tangent_axes import accept_tangents, read_tangents
-from alf_ros.kernel.tangent_lane_solve import FINISH
+from alf_ros.kernel.tangent_lane_solve import FINISH, LEAVE
 from alf_ros.kernel.tangent_solves import (
     accelerate_tangents,
     begin_stage,
@@ -47,6 +47,7 @@ from alf_ros.kernel.tangent_stage import differentiate, project_tangents
 _PART = 1e-12  # of the residual that is left before it is computed anew
 # residual of δk that is left, of δk, and of δq̇ / hγ, δq / (hγ)² and what forces do to the masses
 _CONVERGED, _TINY = 1e-14, 1e-17
+_ROUNDED = 30.0  # times that: what rounding may leave of it, where it was less in the search
 _ROUNDING, _NOISE = 1e-9, 1e-11  # what may be rounding, where it becomes no less
 
 
@@ -110,7 +111,7 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
         _add_up(tangents, s, h)
         begin_stage(tangents, own, tangents.behind)
         for k in range(tangents.groups):
-            if not _solve(tangents, k, ts, gamma):
+            if not _solve(tangents, k, ts, gamma, LEAVE if x == np.inf else FINISH):
                 return UNFOLLOWED
             _move(tangents, k, ts, gamma, group_of(tangents, tangents.qdd, k))
         _store_rates(tangents, tangents.qd, s)
@@ -170,19 +171,28 @@ def _move(tangents: Tangents, k: np.uint64, t: float, gamma: float, dk: Lanes) -
 
 
 @inner
-def _pass(tangents: Tangents, k: np.uint64, t: float, gamma: float, dk: Lanes) -> None:
+def _pass(
+    tangents: Tangents,
+    k: np.uint64,
+    t: float,
+    gamma: float,
+    dk: Lanes,
+    slow_modes: np.uint64,
+) -> None:
     """δk' of group k from a δk (all blocks D,), at the stage in the workspace of the tangents."""
     problem, at = tangents.problem, tangents.behind
     _move(tangents, k, t, gamma, dk)
-    project_position(tangents, problem, at, k, FINISH)
-    project_velocity(tangents, problem, at, k, FINISH)
+    project_position(tangents, problem, at, k, slow_modes)
+    project_velocity(tangents, problem, at, k, slow_modes)
     change_forces(tangents, problem, at, k, t)
     add_soft_times(problem.unit, problem.system.soft, 1.0, dk, tangents.f)
-    accelerate_tangents(tangents, problem, at, k, FINISH)
+    accelerate_tangents(tangents, problem, at, k, slow_modes)
 
 
 @inner
-def _solve(tangents: Tangents, k: np.uint64, t: float, gamma: float) -> bool:
+def _solve(
+    tangents: Tangents, k: np.uint64, t: float, gamma: float, slow_modes: np.uint64
+) -> bool:
     """δk of group k in the stage in the workspace of the tangents, from a guess; whether it is
     found.
 
@@ -196,8 +206,8 @@ def _solve(tangents: Tangents, k: np.uint64, t: float, gamma: float) -> bool:
     copy(found, x)
     none, mean = 0.0 * found[0], tangents.problem.system.mean
     before = none + np.inf
-    for _ in range(RESTARTS):
-        _pass(tangents, k, t, gamma, x)
+    for count in range(RESTARTS):
+        _pass(tangents, k, t, gamma, x, slow_modes)
         left, largest, moved = none, none, none
         for a in each(0, n):
             r[a] = found[a] - x[a]
@@ -206,6 +216,8 @@ def _solve(tangents: Tangents, k: np.uint64, t: float, gamma: float) -> bool:
             moved = max(moved, max(v / gamma, abs(tangents.f[a]) / mean))
         enough = _CONVERGED * largest + _TINY * moved
         rounded = (left > 0.1 * before) & (left <= _ROUNDING * largest + _NOISE * moved)
+        if count > 0:
+            rounded = rounded | (left <= _ROUNDED * enough)
         if everywhere((left <= enough) | rounded):
             return True
         before = left
@@ -213,7 +225,7 @@ def _solve(tangents: Tangents, k: np.uint64, t: float, gamma: float) -> bool:
         for j in range(MOST):
             for a in each(0, n):
                 trial[a] = x[a] + r[a]
-            _pass(tangents, k, t, gamma, trial)
+            _pass(tangents, k, t, gamma, trial, slow_modes)
             for a in each(0, n):
                 trial[a] += r[a] - found[a]  # what r is mapped to
             left = step_along(tangents.search, n, j, x, r, trial)
