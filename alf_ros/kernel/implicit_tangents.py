@@ -179,14 +179,21 @@ def _pass(
     dk: Lanes,
     slow_modes: np.uint64,
 ) -> None:
-    """δk' of group k from a δk (all blocks D,), at the stage in the workspace of the tangents."""
+    """δk' of group k from a δk (all blocks D,), at the stage in the workspace of the tangents.
+
+    `slow_modes` as for `solved_together`: a pass that meets one against it is taken again.
+    """
     problem, at = tangents.problem, tangents.behind
-    _move(tangents, k, t, gamma, dk)
-    project_position(tangents, problem, at, k, slow_modes)
-    project_velocity(tangents, problem, at, k, slow_modes)
-    change_forces(tangents, problem, at, k, t)
-    add_soft_times(problem.unit, problem.system.soft, 1.0, dk, tangents.f)
-    accelerate_tangents(tangents, problem, at, k, slow_modes)
+    good = False
+    while not good:
+        _move(tangents, k, t, gamma, dk)
+        good = project_position(tangents, problem, at, k, slow_modes)
+        good = project_velocity(tangents, problem, at, k, slow_modes) and good
+        change_forces(tangents, problem, at, k, t)
+        add_soft_times(problem.unit, problem.system.soft, 1.0, dk, tangents.f)
+        good = accelerate_tangents(tangents, problem, at, k, slow_modes) and good
+        good = good or slow_modes == FINISH
+        slow_modes = FINISH
 
 
 @inner
