@@ -12,7 +12,8 @@ from alf_ros import InputError, Simulation, equilibrium, equilibrium_path, linea
 from alf_ros.arrays import Floats
 from alf_ros.scene.overrides import with_changes
 from alf_ros.scene.scene import Scene, scene_from_text
-from alf_ros.studies.statics.arc_length import LostPathError, PathDirection, corrected
+from alf_ros.studies.statics.arc_length import LostPathError, corrected
+from alf_ros.studies.statics.path_point import PathDirection
 from support.statics_scenes import GRAVITY, chain, redundant_parallelogram, sprung
 
 STIFFNESS = 1000.0
