@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from typing import Any
 
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
@@ -53,9 +55,24 @@ class NodeOptions:
                 text = f'given twice, also by -p {name}'
                 raise InputError(text, key=option, expected='one of them')
 
-    def naming(self) -> AbstractContextManager[None]:
+    @contextmanager
+    def naming(self) -> Iterator[None]:
         """Errors of the block about a parameter name the option that sets it."""
-        return naming(self._options)
+        with naming(self._options), refusing_rclpy():
+            yield
+
+
+@contextmanager
+def refusing_rclpy() -> Iterator[None]:
+    """Raise InputError for a value that a parameter of rclpy itself cannot have, which are all
+    switches: a node is not made with it."""
+    try:
+        yield
+    except InvalidParameterTypeException as error:
+        found = re.search("parameter '(.*?)' to '(.*)' of type", str(error), re.DOTALL)
+        name, value = found.groups() if found else ('', str(error))
+        text = 'bad value of a parameter of rclpy'
+        raise InputError(text, key=name, value=value, expected='true or false') from None
 
 
 def _set_by_ros(arguments: Sequence[str]) -> Iterator[str]:

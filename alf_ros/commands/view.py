@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from alf_ros.commands.node_options import without_ros
+from alf_ros.commands.node_options import refusing_rclpy, without_ros
 from alf_ros.commands.parser import Parser
 from alf_ros.ros import unborn_ports
 from alf_ros.ros.view.serve import serve
@@ -59,7 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     unborn_ports.remove()
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        serve(options.simulator, options.port, options.foxglove, stop, _say)
+        with refusing_rclpy():
+            serve(options.simulator, options.port, options.foxglove, stop, _say)
     finally:
         rclpy.try_shutdown()
     return 0

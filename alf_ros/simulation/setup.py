@@ -90,9 +90,9 @@ def changed(
     return continued(setup, remade(setup, solver, effects, rate))
 
 
-def searches(setup: Setup, solver: Mapping[str, Any]) -> float:
-    """The accuracy (m) for which `remade` with these changes searches settings; 0 without."""
-    given = joined(dataclasses.asdict(setup.simulation.solver), solver)
+def searches(before: Solver, solver: Mapping[str, Any]) -> float:
+    """The accuracy (m) for which settings with these changes are searched; 0 without."""
+    given = joined(dataclasses.asdict(before), solver)
     return float(given.get('accuracy') or 0.0)
 
 

@@ -165,6 +165,9 @@ def test_a_file_that_is_no_scene_is_not_shown(ask, tmp_path, text):
         ('rate:=fast', 'rate: bad value of a parameter: a text given, got'),
         ('scene:=5', 'scene: bad value of a parameter: a whole number given, got 5; expected a'),
         ('record.topics:=all', 'a text given'),
+        ('record.topics:=[]', 'record.topics: bad value of a parameter: an empty list given; exp'),
+        ('rate:=[]', 'rate: bad value of a parameter: an empty list given; expected a number'),
+        ('use_sim_time:=3', "use_sim_time: bad value of a parameter of rclpy, got '3'; expected"),
     ],
 )
 def test_so_is_one_at_the_start(tmp_path, option, says):

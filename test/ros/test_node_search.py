@@ -31,9 +31,10 @@ class Requests:
         self._get = peer.client(GetParameters, '/simulator/get_parameters')
         self._pause = peer.client(SetBool, '/simulator/pause')
 
-    def set(self, name, value):
-        parameter = Parameter(name, value=value).to_parameter_msg()
-        return self._set.call_async(SetParametersAtomically.Request(parameters=[parameter]))
+    def set(self, name, value, **others):
+        values = {name: value} | {name.replace('__', '.'): value for name, value in others.items()}
+        asked = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        return self._set.call_async(SetParametersAtomically.Request(parameters=asked))
 
     def get(self, *names):
         values = self.answer(self._get.call_async(GetParameters.Request(names=names))).values
@@ -97,6 +98,29 @@ def test_a_scene_that_asks_for_an_accuracy_is_loaded_beside_the_run(peer, tmp_pa
         assert not loading.done()
         assert ask.answer(loading).result.successful, loading.result()
         assert ask.get('scene', 'accuracy') == [str(path), ACCURACY]
+        assert node.stop() == 0, node.output
+
+
+def test_no_accuracy_leaves_what_is_said_beside_it_or_in_a_scene(peer, tmp_path):
+    path = tmp_path / 'exact.yaml'
+    solver = {'step': 1e-3, 'accuracy': 1e-3}
+    path.write_text(yaml.safe_dump({'mechanism': 'four_bar', 'solver': solver}))
+    with SimulatorProcess(tmp_path, '--scene', 'pendulum', start_paused=True) as node:
+        node.wait_running()
+        ask = Requests(peer)
+        said = {'solver__integrator': 'rk4', 'solver__tolerance': 1e-5}
+        assert ask.answer(ask.set('accuracy', 0.0, **said)).result.successful
+        names = ['accuracy', 'solver.integrator', 'solver.tolerance', 'solver.step']
+        assert ask.get(*names)[:3] == [0.0, 'rk4', 1e-5]
+        assert ask.answer(ask.set('scene', str(path), accuracy=0.0)).result.successful
+        drawn = load_scene(path).solver
+        assert ask.get(*names) == [0.0, drawn.integrator, drawn.tolerance, 1e-3]
+        asked = ask.set('scene', str(path), accuracy=0.0, solver__integrator='dop853')
+        assert ask.answer(asked).result.successful
+        assert ask.get(*names) == [0.0, 'dop853', drawn.tolerance, 1e-3]
+        assert 'searching settings' not in node.output
+        assert ask.answer(ask.set('scene', str(path))).result.successful
+        assert ask.get('accuracy') == [1e-3] and 'settings for 0.001 m' in node.output
         assert node.stop() == 0, node.output
 
 

@@ -11,7 +11,9 @@ import pytest
 from alf_ros import InputError, Simulation, equilibrium, equilibrium_path, linearise, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.scene.overrides import with_changes
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import Scene, scene_from_text
+from alf_ros.studies.statics.arc_length import LostPathError, corrected
+from alf_ros.studies.statics.path_point import PathDirection
 from support.statics_scenes import GRAVITY, chain, redundant_parallelogram, sprung
 
 STIFFNESS = 1000.0
@@ -174,6 +176,49 @@ def test_a_follower_load_without_potential() -> None:
     for event in path.flutter_points:  # both frequencies become one
         low, high = np.sort(np.abs(linearise(path.rest(event.index)).eigenvalues.imag))[1:3]
         assert high - low < 1e-3 * high
+
+
+SPATIAL = """
+mechanism:
+  alf: 1
+  space: spatial
+  points:
+    P: {at: [0, 0, 0]JOINED}
+    A: {at: [0, 0, -0.3]}
+    B: {at: [0.1, 0.05, -0.1]}
+  bodies:
+    one: {points: [P, A, B], mass: 1, inertia: {about_com: [1, 1, 1]}, com: [0.1, 0, 0]}
+  joints:
+    j: {type: TYPE, between: [ground, one], at: P, axis: AXIS}
+effects:
+  gravity: {acceleration: [0, 0, -9.81]}
+"""
+HINGED = SPATIAL.replace('JOINED', ', fixed: true').replace('TYPE', 'revolute')
+HINGED = HINGED.replace('AXIS', '[0, 1, 0]')
+SLIDING = SPATIAL.replace('JOINED', '').replace('TYPE', 'prismatic').replace('AXIS', '[0, 0, 1]')
+SLIDING += '  torsion_spring: {joint: j, stiffness: 100.0, free_position: 0.0}\n'
+
+
+@pytest.mark.parametrize(
+    ('text', 'mirror', 'told'),
+    [
+        (HINGED, [-1.0, 1.0, 1.0], 'body one would be its mirror image'),
+        (SLIDING, [-1.0, -1.0, 1.0], 'a body would be turned round in joint j'),
+    ],
+)
+def test_a_path_in_space_never_goes_on_with_bodies_as_no_assembly_has_them(
+    text: str, mirror: list[float], told: str
+) -> None:
+    """The image at rest fulfils all rows, and nothing is left there."""
+    path = equilibrium_path(scene_from_text(text), over='gravity.acceleration.0', end=20.0)
+    known = np.arctan2(-path.values, 9.81) if text == HINGED else np.full(len(path), -0.0981)
+    found = [path.rest(k).joints['j'].position for k in range(len(path))]
+    np.testing.assert_allclose(found, known, rtol=0.0, atol=1e-13)
+    start = path._course.points[0]
+    q = start.instant.q.reshape(-1, 3)
+    away = ((np.array(mirror) - 1.0) * q).reshape(-1)[: start.instant.model.n]
+    with pytest.raises(LostPathError, match=told):
+        corrected(start, PathDirection(away, 0.0), 1.0)
 
 
 def test_over_the_time_of_a_drive() -> None:

@@ -327,7 +327,7 @@ class Simulator(Node):
         else:
             if 'accuracy' in values:
                 before = self._control.run.setup.simulation.solver
-                solver |= self._settings.asked(before, values['accuracy'])
+                solver = self._settings.asked(before, values['accuracy']) | solver
             effects = {k: v for k, v in values.items() if k.startswith('effects.')}
             if not solver and not effects and 'rate' not in values:
                 return ''
@@ -346,17 +346,19 @@ class Simulator(Node):
         """A function that loads a scene; it may run in another thread."""
         from alf_ros.scene.scene import load_scene
 
-        name, rate = values['scene'], values.get('rate')
+        settings, name, rate = self._settings, values['scene'], values.get('rate')
         ledger, code = (self.get_parameter(k).value for k in ('ledger', 'trust_scenes'))
-        solver |= {'accuracy': values['accuracy']} if values.get('accuracy') else {}
+        accuracy = values.get('accuracy')
 
         def work() -> Setup:
             with self._status.say_if_slow(lambda: f'loading {name} ...', 2.0):
                 scene = load_scene(name, code=code)
                 check_types(scene)  # refused now, not after the change
-                accuracy = solver.get('accuracy') or scene.solver.accuracy
+                own = {} if accuracy is None else settings.asked(scene.solver, accuracy)
+                chosen = own | solver
                 return self._searched(
-                    accuracy, lambda: self._settings.made(scene, solver, rate, ledger)
+                    settings.searches(scene.solver, chosen),
+                    lambda: settings.made(scene, chosen, rate, ledger),
                 )
 
         return work
@@ -367,7 +369,8 @@ class Simulator(Node):
         """A function that makes the run with other numbers, in any thread, and whether that is
         long."""
         setup = self._control.run.setup
-        accuracy = self._settings.searches(setup, solver) if solver or effects else 0.0
+        before = setup.simulation.solver
+        accuracy = self._settings.searches(before, solver) if solver or effects else 0.0
 
         def work() -> Setup:
             with self._status.say_if_slow(Compiling(), 1.0):

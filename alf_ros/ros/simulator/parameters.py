@@ -302,6 +302,11 @@ def declare(node: Node, specs: Iterable[Spec], override: bool = True) -> dict[st
         expected = _TYPES[Parameter.Type.from_parameter_value(spec.default)]
         if spec.limits is not None:
             expected += f' from {spec.limits[0]:g} to {spec.limits[1]:g}'
+        if given is not None and given.type_ == Parameter.Type.NOT_SET:
+            # `[]`: rcl finds no type in it, and rclpy declares no list without entries
+            text = 'bad value of a parameter: an empty list given'
+            expected += ' with an entry or more' if isinstance(spec.default, list) else ''
+            raise InputError(text, key=spec.name, expected=expected)
         try:
             parameter = node.declare_parameter(
                 spec.name, spec.default, spec.descriptor(), ignore_override=not override
