@@ -20,6 +20,7 @@ from alf_ros.exchange import (
     mjcf_contacts,
     mjcf_equalities,
     mjcf_geoms,
+    mjcf_nan,
     mjcf_switches,
     mjcf_tendons,
 )
@@ -55,7 +56,11 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)  # or it would write them into a file
     try:
-        model, lighter = _compiled(mujoco, path)
+        try:
+            model, lighter = _compiled(mujoco, path)
+        finally:  # a refusal does not say which number it is
+            if any(mjcf_nan.WARNING in each for each in warned):
+                mjcf_nan.check(path)
         _hold(model)
         mjcf_actuators.reflect(mujoco, model)
         off = mjcf_switches.turn_off(mujoco, model)

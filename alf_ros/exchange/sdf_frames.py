@@ -56,7 +56,7 @@ class SdfFrames:
         """A frame; a link if it is attached to nothing. placed: the frame of a model that is put
         at the pose, instead of the model's own. at: the element that has it. Raises the error."""
         if name in self._frames:
-            raise self._refuse(name, 'a name of two frames', at)
+            raise self._refuse(_called(name), f'a name of two {_kind(name)}', at)
         if placed:
             self._frames[f'{name} placed'] = _Frame(pose, relative_to, name, at)
             pose, relative_to = STILL, f'{name} placed\0{placed}'
@@ -89,10 +89,13 @@ class SdfFrames:
         while name not in known:
             frame = self._frames[name]
             if name in chain:
-                raise self._refuse(name, 'its pose is relative to itself', frame.placed_at)
+                raise self._refuse(
+                    _called(name), 'its pose is relative to itself', frame.placed_at
+                )
             to, _, chain[name] = frame.relative_to.partition('\0')
             if not to:
-                raise self._refuse(name, f'its pose does not lead to {base!r}', frame.placed_at)
+                message = f'its pose does not lead to {_called(base)!r}'
+                raise self._refuse(_called(name), message, frame.placed_at)
             name = self.find(to, '', frame.placed_at)
         found = known[name]
         for name, placed in reversed(chain.items()):
@@ -109,8 +112,20 @@ class SdfFrames:
         while (frame := self._frames[seen[-1]]).attached_to != seen[-1]:
             seen.append(self.find(frame.attached_to, '', frame.at))
             if len(seen) > len(self._frames):
-                raise self._refuse(name, 'it is attached to itself', frame.at)
+                raise self._refuse(_called(name), 'it is attached to itself', frame.at)
         return seen[-1]
+
+
+def _called(name: str) -> str:
+    """A scoped name as the file has it: the frame of a model has the name of the model."""
+    return name.removesuffix(f'::{MODEL}')
+
+
+def _kind(name: str) -> str:
+    """What two things of a scoped name are."""
+    if _called(name) == name:
+        return 'frames'
+    return 'models: the <name> of an <include> gives its model another one'
 
 
 def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> FramePose:

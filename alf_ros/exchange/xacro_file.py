@@ -56,14 +56,32 @@ def _check(arguments: Mapping[str, str], path: Path, xacro: Any) -> None:
             )
 
 
+def _contents(path: Path, xacro: Any) -> dict[str, bytes]:
+    """A file and those that it includes, by their paths."""
+    files = dict.fromkeys([str(path), *map(str, getattr(xacro, 'all_includes', ()))])
+    return {
+        each: paths.content(Path(each), LARGEST_FILE) for each in files if os.path.isfile(each)
+    }
+
+
 def _texts(path: Path, xacro: Any) -> list[str]:
     """The texts of a file and of those that it includes."""
-    files = dict.fromkeys([str(path), *map(str, getattr(xacro, 'all_includes', ()))])
-    return [
-        paths.content(Path(each), LARGEST_FILE).decode('utf-8', 'replace')
-        for each in files
-        if os.path.isfile(each)
-    ]
+    return [each.decode('utf-8', 'replace') for each in _contents(path, xacro).values()]
+
+
+def _encoded(path: Path, xacro: Any) -> InputError | None:
+    """What to say of the first file that is not in UTF-8; None if all are."""
+    for file, content in _contents(path, xacro).items():
+        try:
+            content.decode()
+        except UnicodeDecodeError as error:
+            return InputError(
+                'not in UTF-8, and xacro reads no other encoding',
+                file=file,
+                line=content.count(b'\n', 0, error.start) + 1,
+                expected='the same text in UTF-8, or expanded by hand as a URDF',
+            )
+    return None
 
 
 def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
@@ -78,6 +96,9 @@ def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
             expected='a sourced ROS 2 that has the package, or `xacro FILE > OUT.urdf` there',
         )
     cause = getattr(error, 'exc', None)
+    encoded = _encoded(path, xacro) if isinstance(cause or error, UnicodeError) else None
+    if encoded is not None:
+        return encoded
     if isinstance(cause, OSError) and cause.filename:  # xacro says both, with the path in each
         said = f'{cause.strerror}: {cause.filename}'
     return InputError(f'xacro cannot expand it: {said}', file=str(path))

@@ -321,6 +321,21 @@ def test_a_mistake_in_a_urdf_has_its_line(
     assert str(caught.value).startswith(f'{path}:{line}: {message}')
 
 
+@pytest.mark.parametrize(('encoding', 'line'), [('utf-16', 1), ('latin-1', 3)])
+def test_a_xacro_is_in_utf_8(encoding: str, line: int, tmp_path: Path) -> None:
+    """The package xacro reads nothing else; its message had the first byte, and no line."""
+    pytest.importorskip('xacro')
+    head = f'<?xml version="1.0" encoding="{encoding}"?>\n'
+    robot = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}</robot>'
+    part = tmp_path / 'part.xacro'
+    part.write_bytes((head + robot).format('<link name="ä"/>').encode(encoding))
+    whole = saved(tmp_path, 'it.xacro', robot.format('<xacro:include filename="part.xacro"/>'))
+    for path in (str(part), whole):
+        with pytest.raises(InputError) as caught:
+            imported(path)
+        assert str(caught.value).startswith(f'{part}:{line}: not in UTF-8, and xacro reads no')
+
+
 @pytest.mark.parametrize('name', ['it.urdf', 'it.sdf', 'it.xacro'])
 def test_an_unknown_encoding_is_one_line(name: str, tmp_path: Path) -> None:
     """It was a traceback."""
@@ -403,15 +418,18 @@ def test_a_position_of_ros2_control_is_a_number(x: str, tmp_path: Path) -> None:
         imported(path)
 
 
-@pytest.mark.parametrize('x', ['nan', '1e300'])
-def test_a_position_can_be_computed_with(x: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('x', 'told'),
+    [('nan', '2: key k: qpos: not a finite number'), ('1e300', ' qpos: not usable numbers')],
+)
+def test_a_position_can_be_computed_with(x: str, told: str, tmp_path: Path) -> None:
     """Others ended in tracebacks of numpy."""
     path = saved(tmp_path, 'it.urdf', URDF.replace('MORE', ''))
     with pytest.raises(InputError, match="--set: not a usable number for 'p', got "):
         imported(path, positions={'p': float(x)})
     source = f"""<mujoco><worldbody><body><joint name="p" type="slide"/><geom size="1"/></body>
     </worldbody><keyframe><key name="k" qpos="{x}"/></keyframe></mujoco>"""
-    with pytest.raises(InputError, match='it.xml: qpos: not usable numbers'):
+    with pytest.raises(InputError, match=f'it.xml:{told}'):
         imported(saved(tmp_path, 'it.xml', source), key='k')
 
 

@@ -147,3 +147,49 @@ def test_a_servo_on_a_tendon_with_the_name_of_a_joint(tmp_path: Path) -> None:
     simulation.apply_target('pin_2', position=0.3)
     with pytest.raises(InputError, match='pin: no motor with a position_gain on it'):
         simulation.apply_target('pin', position=0.3)
+
+
+@pytest.mark.parametrize(
+    ('models', 'name'),
+    [
+        (
+            '<model name="m"><link name="a"/></model>\n<model name="m"><link name="a"/></model>',
+            'm',
+        ),
+        (
+            '<model name="m"><model name="k"><link name="a"/></model>\n'
+            '<model name="k"><link name="a"/></model></model>',
+            'm::k',
+        ),
+    ],
+)
+def test_two_models_of_an_sdf_with_one_name(models: str, name: str, tmp_path: Path) -> None:
+    """The message had the name that a frame of a model has within, `m::__model__`."""
+    path = saved(tmp_path, 'it.sdf', f'<sdf version="1.9"><world name="w">{models}</world></sdf>')
+    with pytest.raises(InputError, match=f'it.sdf:2: {name}: a name of two models: the <name>'):
+        imported(path)
+
+
+def test_a_model_that_is_included_twice(tmp_path: Path) -> None:
+    """Each needs a name; with one they are two models."""
+    saved(tmp_path, 'arm.sdf', FORMATS['it.sdf'].replace('name="m"', 'name="arm"'))
+    world = '<sdf version="1.9"><world name="w">{}{}</world></sdf>'
+    arm = '<include><uri>arm.sdf</uri>{}</include>'
+    twice = world.format(arm.format(''), arm.format(''))
+    with pytest.raises(InputError, match='arm.sdf:1: arm: a name of two models: the <name>'):
+        imported(saved(tmp_path, 'it.sdf', twice))
+    other = '<name>other</name><pose>1 0 0 0 0 0</pose>'
+    both = world.format(arm.format(''), arm.format(other))
+    text = imported(saved(tmp_path, 'it.sdf', both), scene=True)
+    joints = scene_from_text(text).mechanism.joints
+    assert [each.name for each in joints] == ['arm__pin', 'arm__knee', 'other__pin', 'other__knee']
+
+
+def test_models_of_an_sdf_that_are_placed_by_each_other(tmp_path: Path) -> None:
+    one, other = (
+        f'<model name="{a}"><pose relative_to="{b}">0 0 0 0 0 0</pose><link name="l"/></model>'
+        for a, b in ('mn', 'nm')
+    )
+    source = f'<sdf version="1.9"><world name="w">{one}{other}</world></sdf>'
+    with pytest.raises(InputError, match='it.sdf:1: m: its pose is relative to itself'):
+        imported(saved(tmp_path, 'it.sdf', source))

@@ -1,0 +1,58 @@
+"""Numbers of an MJCF that are NaN: MuJoCo warns, and takes some of them for absent ones.
+
+A mass of NaN, for example, becomes the one that follows from the density.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+from alf_ros.errors import InputError
+from alf_ros.exchange import xml_file
+
+WARNING = "'NaN'"  # in what MuJoCo says then
+# names, of the element itself and of others, which may be `nan`
+_NAMES = ('name', 'model', 'mesh', 'material', 'hfield', 'texture', 'file', 'target')
+_NAMED = re.compile(r'(child)?class|\w*(site|body|geom|joint|tendon)[12]?|(ref|obj)name')
+_MOVE_NOTHING = ('user', 'data')  # numbers for programs of the user
+
+
+def check(path: Path) -> None:
+    """Refuse the first number that is NaN in a file or in one that it includes, unless it moves
+    nothing. Raises InputError."""
+    for element in _elements(path, path.parent, set()):
+        for key, value in element.attrib.items():
+            if key in (*_NAMES, *_MOVE_NOTHING) or _NAMED.fullmatch(key):
+                continue
+            if not any(map(_is_nan, value.split())):
+                continue
+            name = element.get('name')
+            at = f'{element.tag} {name}' if name else element.tag
+            place = xml_file.place_of(element, str(path))
+            message = 'not a finite number'
+            raise InputError(message, **place, key=f'{at}: {key}', value=value)
+
+
+def _elements(path: Path, folder: Path, seen: set[Path]) -> Iterator[ElementTree.Element]:
+    """Of a file and of those that it includes; MuJoCo looks for these beside the first one, or
+    beside the one that includes them."""
+    if path in seen or not path.is_file():
+        return
+    seen.add(path)
+    for element in xml_file.root_of(path).iter():
+        yield element
+        if element.tag == 'include':
+            file = element.get('file', '')
+            for beside in dict.fromkeys([folder, path.parent]):
+                yield from _elements(beside / file, folder, seen)
+
+
+def _is_nan(word: str) -> bool:
+    try:
+        return math.isnan(float(word))
+    except ValueError:
+        return False
