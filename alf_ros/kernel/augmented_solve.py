@@ -72,7 +72,8 @@ def iterate(
     or of what f would do to the masses alone. A round leaves a part 1 / (1 + s²) of r2 in a mode:
     if the ratio of two rounds exceeds `until.patience`, the iteration ends too. In the second
     round a large ratio is no sign of such a mode yet: an error e of the first δ, by rounding,
-    comes back as -e and is gone in the third. It shows where λ is about zero: in free fall.
+    comes back as -e and is gone in the third. It shows where λ is about zero: in free fall. What
+    rounding leaves open of rows that depend on others (`turned`) is no sign either.
     Returns the rounds, and the largest ratio of two of them that mattered.
     """
     n, iterations, tolerance = work.p.size, until.iterations, until.tolerance
@@ -92,11 +93,25 @@ def iterate(
         elif count > 1:
             ratio = min(1.0, left / before)
             if ratio <= until.patience or count != 2 or iterations == 2:
+                if ratio > until.patience and left <= fine * size * turned(system, work):
+                    return count, slowest
                 slowest = max(slowest, ratio)
             if slowest > until.patience:
                 return count, slowest
         before = left
     return iterations, slowest
+
+
+@inner
+def turned(system: System, work: Work) -> float:
+    """How far rounding turns the shortest row, in parts of ε, and at least 1.
+
+    q is rounded by a part ε of its distance from the origin, so a row of length l by ε |q| / l.
+    Rows that depend on others contradict each other by that. No round changes it, and it is no
+    slow mode.
+    """
+    scale = system.rows.scale
+    return max(1.0, largest(work.q, work.q.size) * largest(scale, scale.size))
 
 
 @inner

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.kernel.augmented_residuals import residuals, update_rows
-from alf_ros.kernel.augmented_solve import NOISE, solved_anew
+from alf_ros.kernel.augmented_solve import NOISE, solved_anew, turned
 from alf_ros.kernel.data import NOTHING, SOLVED, FollowedStage, Problem, System, Tangents
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.mass import add_mass_times
@@ -98,6 +98,9 @@ def solved_together(
             ratio = min(1.0, left / pick(slow, before, 1.0))
             if count == 2 and iterations != 2:
                 slow = slow & (ratio <= system.patience)
+            rounded = (ratio > system.patience) & (left <= fine * usual * turned(system, at.work))
+            ended = ended | (slow & rounded)
+            slow = slow & unless(rounded)
             slowest = pick(slow, max(slowest, ratio), slowest)
             ended = ended | (slowest > system.patience)
         going = going & unless(ended)
