@@ -53,8 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         value = overrides.number(scene, name)
         print(f'{name:{width}}  {value:14.6g}  {slope:16.9g}  {0.01 * value * slope:14.3g}')
     if log.damage or log.absent:  # of a shorter run than the one that was made, maybe
-        told = log.damage or log.absent
-        print(f'the log is not whole: it is the run until t = {log.end:.9g} s ({told})')
+        reason = log.damage or log.absent
+        print(f'the log is not whole: it is the run until t = {log.end:.9g} s ({reason})')
     if found.trouble:
         print(f'the run is not resolved: {found.trouble}')
     if options.json:  # last: what cannot be written must not take the numbers along

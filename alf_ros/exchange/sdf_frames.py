@@ -122,7 +122,7 @@ def _called(name: str) -> str:
 
 
 def _kind(name: str) -> str:
-    """What two things of a scoped name are."""
+    """The word for two things of a scoped name."""
     if _called(name) == name:
         return 'frames'
     return 'models: the <name> of an <include> gives its model another one'

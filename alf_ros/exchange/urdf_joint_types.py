@@ -99,7 +99,7 @@ def rows(root: ElementTree.Element, types: Mapping[str, str]) -> dict[str, tuple
 
 
 def renamed(rows: Mapping[str, tuple[RowPart, ...]]) -> Iterator[str]:
-    """What the report says of parts of rows whose names were taken."""
+    """Lines of the report about parts of rows whose names were taken."""
     for name, row in rows.items():
         for part in row:
             if part.name != (usual := f'{name}_{part.axis}'):

@@ -70,7 +70,7 @@ def _texts(path: Path, xacro: Any) -> list[str]:
 
 
 def _encoded(path: Path, xacro: Any) -> InputError | None:
-    """What to say of the first file that is not in UTF-8; None if all are."""
+    """The error of the first file that is not in UTF-8; None if all are."""
     for file, content in _contents(path, xacro).items():
         try:
             content.decode()

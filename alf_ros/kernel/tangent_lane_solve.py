@@ -42,7 +42,7 @@ def solved_together(
     `problem`. before: the largest of r2, rows scaled to lengths, or infinite if it is not small.
     Returns whether no lane is left in which a mode is slow.
 
-    The iteration is that of `augmented_solve.iterate`, and ends when that does in all lanes. If
+    All lanes iterate as `augmented_solve.iterate` does, and end where it ends. If
     `slow_modes` is FINISH, a lane with a slow mode is finished by itself, with the workspace of
     `problem`. If it is LEAVE, no mode is expected to be slow, and rows are not looked at after a
     round that is certain to close them.

@@ -63,7 +63,7 @@ def test_elements_too_deep_inside_others(name: str, tmp_path: Path) -> None:
 
 
 def test_what_a_cdata_section_says_is_no_comment(tmp_path: Path) -> None:
-    """Between the two such sections stands a robot, which was taken for a comment."""
+    """A robot between two such sections was taken for a comment."""
     parts = f'<link name="base"/>{LINK % "l"}{HINGE % ("j", "l", 0.5, "")}'
     urdf = f"""<robot name="r"><gazebo><![CDATA[ <!-- ]]></gazebo>{parts}
 <gazebo><![CDATA[ --> ]]></gazebo><!-- <![CDATA[ --></robot>"""

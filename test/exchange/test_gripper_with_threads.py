@@ -1,6 +1,6 @@
-"""A gripper as that of the PR2: one screw of two threads moves two fingers, each a parallelogram.
+"""A gripper like the one of the PR2: a screw of two threads moves two parallelogram fingers.
 
-Of its rows many depend on others; those of its threads bind velocities only.
+Of its rows many depend on others; rows of its threads bind velocities only.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def gripper() -> str:
 
 
 def reference(seconds: float) -> Floats:
-    """The angle of the left finger and that of the screw against the drawing, rad, by Lagrange's
+    """The angles of the left finger and of the screw against the drawing, rad, by Lagrange's
     equation in the angle a of the finger: x = L cos a of tips and slider, y = L sin a of a tip."""
 
     def rate(_: float, y: Floats) -> tuple[float, float]:

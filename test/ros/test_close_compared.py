@@ -22,7 +22,7 @@ def angles(n: int) -> dict[str, float]:
 
 def test_it_publishes_what_closure_computes(tmp_path: Path, peer: Peer) -> None:
     """Names in any order, joints that are missing, NaN and stamps that go back; with velocities
-    in some of the messages. Its values are those of the same calls, bit for bit."""
+    in some of the messages. Its values equal the same calls, bit for bit."""
     arguments = ['--scene', 'delta_robot', '--active', *MOTORS, '--ros-args', '-r', '__ns:=/cell']
     with ClosingProcess(tmp_path, *arguments, '-r', 'active_joint_states:=/plc/motors') as node:
         heard = peer.listen('/cell/joint_states', JointState)
