@@ -18,7 +18,7 @@ from alf_ros.kernel.numba_ext import cache
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
-from alf_ros.ros.simulator.node import Compiling
+from alf_ros.ros.simulator.slow_work import Compiling
 from support.paths import ROOT
 from support.ros_node import LIMIT, START_LIMIT, Peer, SimulatorProcess
 

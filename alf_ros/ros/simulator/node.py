@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -17,16 +16,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from alf_ros.errors import AlfError, InputError, StepError, StoppedError
+from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.ros.parameter_services import ParameterServices
 from alf_ros.ros.recording import mcap_file
 from alf_ros.ros.recording.recorder import Split
 from alf_ros.ros.simulator import parameters, startup_report
-from alf_ros.ros.simulator.beside import Beside
 from alf_ros.ros.simulator.outputs import Outputs
 from alf_ros.ros.simulator.pacing import SHORTEST_BEAT, Pacer
-from alf_ros.ros.simulator.sensor_outputs import check_types
 from alf_ros.ros.simulator.services import Services
+from alf_ros.ros.simulator.setup_changes import SetupChanges
+from alf_ros.ros.simulator.slow_work import Compiling, searched
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 from alf_ros.simulation import listening
 from alf_ros.simulation.display_geometry import Display
@@ -68,10 +67,6 @@ class Simulator(Node):
         self.finished: Future[None] = Future()
         self._status, self._stop = status, stop
         self._loading = False
-        self._next: tuple[Setup, dict[str, Any]] | None = None  # what the next parameters make
-        self._beside = Beside()
-        self._put_off: list[Callable[[], Setup]] | None = None  # long work, if it may be put off
-        self._made: Setup | None = None  # what came of it
 
         scene = parameters.declare(self, [parameters.SCENE])['scene']
         # Imported late: loading the solver takes a good part of the start.
@@ -79,14 +74,14 @@ class Simulator(Node):
         from alf_ros.scene.scene import load_scene
         from alf_ros.simulation import setup as settings
 
-        self._settings = settings
+        self._changes = SetupChanges(self, status, lambda: self._control.run.setup)
         drawn = load_scene(scene)
         solver = parameters.declare(self, parameters.solver_specs(drawn.solver))
         effects = parameters.declare(self, parameters.effect_specs(drawn))
         rate = settings.default_rate(solver['solver.step'])
         values = parameters.declare(self, parameters.node_specs(rate))
         display = Display(values['frame_prefix'])
-        rates = _below('record.rate', values)
+        rates = parameters.below('record.rate', values)
         sensors = values['record.sensors']
         self._outputs = Outputs(self, values['record.topics'], rates, display, sensors)
         parameters.check_names(self)
@@ -96,13 +91,17 @@ class Simulator(Node):
         with status.say_if_slow(Compiling(), 2.0):
             given = {spec.name: spec.default for spec in parameters.effect_specs(drawn)}
             changed = {name: value for name, value in effects.items() if value != given[name]}
-            own, said = _below('solver', solver), _below('solver', self._parameter_overrides)
+            own, said = (
+                parameters.below('solver', solver),
+                parameters.below('solver', self._parameter_overrides),
+            )
             chosen = settings.chosen(own, solver['accuracy'], said)
             scene = with_effect_values(drawn, changed)
-            if chosen.get('accuracy'):
-                status.say(_search_begins(chosen['accuracy']))
-            setup = settings.made(scene, chosen, values['rate'], values['ledger'])
-            self._say_what_was_found(setup)
+            setup = searched(
+                status,
+                chosen.get('accuracy') or 0.0,
+                lambda: settings.made(scene, chosen, values['rate'], values['ledger']),
+            )
             self._assemble(setup, values)
         self._show_solver(setup)
         self._on_parameters([self.get_parameter(key) for key in values])
@@ -199,7 +198,7 @@ class Simulator(Node):
 
     def close(self) -> None:
         """End the log, with a last report in it, and a search that still runs."""
-        self._beside.end()
+        self._changes.end()
         run = self._control.run
         recorder = run.recorder
         try:
@@ -279,138 +278,30 @@ class Simulator(Node):
         return self._overtaking
 
     async def change(self, asked: list[Parameter[Any]]) -> SetParametersResult:
-        """Set parameters at once, as services do. What takes long is made beside the executor.
-
-        Changes of the run come one after another, in the order of their requests. Each begins with
-        what the one before has left.
-        """
-        if not any(_acts(parameter.name) for parameter in asked):
-            return self.set_parameters_atomically(asked)
-        async with self._beside:
-            self._put_off = []
-            try:
-                result = self.set_parameters_atomically(asked)
-                work = next(iter(self._put_off), None)
-            finally:
-                self._put_off = None
-            if work is None:
-                return result
-            try:
-                self._made = await self._beside.made(work)
-            except AlfError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-            try:
-                return self.set_parameters_atomically(asked)
-            finally:
-                self._made = None
+        """Set parameters at once, as services do. What takes long is made beside the executor."""
+        return await self._changes.set(asked, self.set_parameters_atomically)
 
     def _judge(self, changed: list[Parameter[Any]]) -> SetParametersResult:
         """On-set callback: rejects with the reason, all or nothing."""
         if self._loading:
             return SetParametersResult(successful=True)
         reason = next(filter(None, map(parameters.refusal, changed)), '')
-        self._next = None
+        self._changes.forget()
         if not reason:
             values = {p.name: parameters.plain(p.value) for p in changed}
             try:
-                reason = self._prepare(values)
+                reason = self._changes.prepare(values)
             except AlfError as error:
                 reason = str(error)
         return SetParametersResult(successful=not reason, reason=reason)
-
-    def _prepare(self, values: dict[str, Any]) -> str:
-        """Make the run with these parameters, unless it is unchanged. Returns why not, ''
-        otherwise; raises AlfError."""
-        solver = _below('solver', values)
-        if 'scene' in values:
-            work, long = self._loading_of(values, solver), True
-        else:
-            if 'accuracy' in values:
-                before = self._control.run.setup.simulation.solver
-                solver = self._settings.asked(before, values['accuracy']) | solver
-            effects = {k: v for k, v in values.items() if k.startswith('effects.')}
-            if not solver and not effects and 'rate' not in values:
-                return ''
-            rate = values.get('rate', self.get_parameter('rate').value)
-            work, long = self._remaking(solver, effects, rate)
-        if self._made is None and self._put_off is not None and long:
-            self._put_off.append(work)
-            return 'not made yet'
-        made = self._made or work()
-        if 'scene' not in values:
-            made, values = self._settings.continued(self._control.run.setup, made), effects
-        self._next = made, values
-        return ''
-
-    def _loading_of(self, values: dict[str, Any], solver: dict[str, Any]) -> Callable[[], Setup]:
-        """A function that loads a scene; it may run in another thread."""
-        from alf_ros.scene.scene import load_scene
-
-        settings, name, rate = self._settings, values['scene'], values.get('rate')
-        ledger, code = (self.get_parameter(k).value for k in ('ledger', 'trust_scenes'))
-        accuracy = values.get('accuracy')
-
-        def work() -> Setup:
-            with self._status.say_if_slow(lambda: f'loading {name} ...', 2.0):
-                scene = load_scene(name, code=code)
-                check_types(scene)  # refused now, not after the change
-                own = {} if accuracy is None else settings.asked(scene.solver, accuracy)
-                chosen = own | solver
-                return self._searched(
-                    settings.searches(scene.solver, chosen),
-                    lambda: settings.made(scene, chosen, rate, ledger),
-                )
-
-        return work
-
-    def _remaking(
-        self, solver: dict[str, Any], effects: dict[str, Any], rate: float
-    ) -> tuple[Callable[[], Setup], bool]:
-        """A function that makes the run with other numbers, in any thread, and whether that is
-        long."""
-        setup = self._control.run.setup
-        before = setup.simulation.solver
-        accuracy = self._settings.searches(before, solver) if solver or effects else 0.0
-
-        def work() -> Setup:
-            with self._status.say_if_slow(Compiling(), 1.0):
-                return self._searched(
-                    accuracy, lambda: self._settings.remade(setup, solver, effects, rate)
-                )
-
-        return work, bool(solver or accuracy)
-
-    def _searched(self, accuracy: float | None, make: Callable[[], Setup]) -> Setup:
-        """A setup, with lines about the search for its accuracy (m) if one is asked for."""
-        if not accuracy:
-            return make()
-        self._status.say(_search_begins(accuracy))
-        try:
-            setup = make()
-        except StoppedError:
-            self._status.say('search given up: the node ends')
-            raise
-        except AlfError as error:
-            self._status.say(f'no settings: {error}')
-            raise
-        self._say_what_was_found(setup)
-        return setup
-
-    def _say_what_was_found(self, setup: Setup) -> None:
-        found = setup.simulation.accuracy
-        if found is not None:
-            how, estimate = found.solver.integrator, f'estimated error {found.estimate:.2g} m'
-            if how.endswith('_adaptive'):
-                how += f' with tolerance {found.solver.tolerance:.2g}'
-            no = '' if found.met else 'not met; best are '
-            self._status.say(f'settings for {found.asked:g} m: {no}{how}, {estimate}')
 
     def _on_parameters(self, changed: list[Parameter[Any]]) -> None:
         """Post-set callback: takes effect at once, which is between two ticks."""
         if self._loading:
             return
-        if self._next is not None:
-            (setup, values), self._next = self._next, None
+        taken = self._changes.take()
+        if taken is not None:
+            setup, values = taken
             if 'scene' in values:
                 self._load(setup)
             else:
@@ -467,30 +358,3 @@ class Simulator(Node):
             self.get_logger().error(f'no log: {error}')
         self._status.say(f'scene {setup.scene.name}: loaded, paused')
         self._say_what_is_on()
-
-
-class Compiling:
-    """The current long task: compiling, after the first cache miss; else ''."""
-
-    def __init__(self) -> None:
-        from alf_ros.kernel.numba_ext import cache  # the solver is loaded by now
-
-        self._count, self._before = cache.misses, cache.misses()
-
-    def __call__(self) -> str:
-        return 'compiling, the first time only ...' if self._count() > self._before else ''
-
-
-def _acts(name: str) -> bool:
-    """Whether a parameter changes the run, so that changes of it come one after another."""
-    return name in ('scene', 'accuracy', 'rate') or name.startswith(('solver.', 'effects.'))
-
-
-def _search_begins(accuracy: float) -> str:
-    return f'searching settings for an accuracy of {accuracy:g} m ...'
-
-
-def _below(prefix: str, values: dict[str, Any]) -> dict[str, Any]:
-    """The values below `prefix`, without it."""
-    dotted = f'{prefix}.'
-    return {k[len(dotted) :]: v for k, v in values.items() if k.startswith(dotted)}

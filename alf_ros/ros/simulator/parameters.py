@@ -382,3 +382,9 @@ def refusal(parameter: Parameter[Any]) -> str:
         wanted = "letters, digits, '_', '.', '-'; at most 100"
         return str(InputError('not a name', key=name, value=value, expected=wanted))
     return ''
+
+
+def below(prefix: str, values: dict[str, Any]) -> dict[str, Any]:
+    """The values below `prefix`, without it."""
+    dotted = f'{prefix}.'
+    return {k[len(dotted) :]: v for k, v in values.items() if k.startswith(dotted)}
