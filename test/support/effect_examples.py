@@ -8,6 +8,7 @@ import pytest
 from numba.core.registry import CPUDispatcher
 
 from alf_ros import Simulation, load_scene
+from alf_ros.effects.contract import OnDemand
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.scene.text import yaml_document
 from support.paths import DATA
@@ -74,7 +75,13 @@ def simulation(kind: str, which: str, **options: Any) -> Simulation:
 
 
 def as_python(monkeypatch: pytest.MonkeyPatch, *modules: object) -> None:
-    """Replace compiled functions by their Python source, and loops for LLVM by ranges."""
+    """Replace compiled functions by their Python source, and loops for LLVM by ranges.
+
+    Functions that are compiled on demand call the replaced ones: they are compiled before."""
+    for module in modules:
+        for value in vars(module).values():
+            if isinstance(value, OnDemand):
+                assert value.address
     for module in modules:
         for name, value in list(vars(module).items()):
             if isinstance(value, CPUDispatcher):
