@@ -116,6 +116,30 @@ def test_surfaces_of_gazebo_that_are_not_read(given: str, told: str, tmp_path: P
     assert f'#   {lost}: {told}\n' in text if told else lost not in text
 
 
+SPHERE = '<geometry><sphere radius="0.1"/></geometry>'
+
+
+@pytest.mark.parametrize(
+    ('collision', 'told'),
+    [
+        (SPHERE, ''),
+        (f'<orgin xyz="0 0 1"/>{SPHERE}', 'orgin of foot'),
+        (f'{SPHERE}<contact_coefficients mu="0.1"/>', 'contact_coefficients of foot'),
+        (SPHERE.replace('</', '<ball/></', 1), 'ball of foot'),
+        (f'{SPHERE}<verbose value="x"/>', ''),
+        (f'<origin xyx="0 0 1"/>{SPHERE}', 'origin xyx of foot'),
+        (SPHERE.replace('/>', ' length="1"/>'), 'sphere length of foot'),
+    ],
+)
+def test_collisions_of_a_urdf_with_what_it_does_not_have(
+    collision: str, told: str, tmp_path: Path
+) -> None:
+    foot = robots.link('foot', (0.0, 0.0, 0.0), 1.0, (0.01, 0.01, 0.01, 0, 0, 0))
+    foot = foot.replace('</link>', f'<collision>{collision}</collision></link>')
+    text = imported(saved(tmp_path, 'it.urdf', robots.robot(foot)), floating=True)
+    assert f'motion is missing: {told}\n' in text if told else 'unknown' not in text
+
+
 BOX = '<geometry><box><size>9 9 0.1</size></box></geometry>'
 TABLE = f"""<model name="table"><static>1</static><link name="top"><collision name="c">{BOX}
 </collision></link></model>"""
