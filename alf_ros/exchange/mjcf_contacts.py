@@ -148,8 +148,8 @@ def _kind(mujoco: Any, model: Any, geom: int) -> str:
 def _obstacles(
     mujoco: Any, model: Any, held: Sequence[str], planes: Sequence[int]
 ) -> Iterator[str]:
-    """Geoms, besides planes, that do not move and that something moving touches in MuJoCo; not
-    those of a body that carries a moving one, such as the base of a robot."""
+    """Geoms, besides planes, that do not move and that something moving touches in MuJoCo, except
+    geoms of a body that carries a moving one, such as the base of a robot."""
     bases: set[int] = set()
     for body in reversed(range(1, model.nbody)):  # parents come before their children
         if held[body] != GROUND or body in bases:

@@ -11,7 +11,7 @@ _EVERY = ('65535', '0xffff', '0xFFFF')  # the mask of what meets all others, the
 
 
 @dataclass(frozen=True)
-class Surface:
+class CollisionSurface:
     """friction: coefficient along a direction; `across` it, None if both are alike. left_out: what
     else it has, by the kinds of `import_report`."""
 
@@ -20,7 +20,7 @@ class Surface:
     left_out: tuple[str, ...]
 
 
-def read(collision: ElementTree.Element, refuse: Refuse, key: str) -> Surface:
+def read(collision: ElementTree.Element, refuse: Refuse, key: str) -> CollisionSurface:
     """Of a collision. Raises the error for numbers that cannot be used."""
     ode = collision.find('surface/friction/ode')
     mu, mu2 = (None if ode is None else ode.find(tag) for tag in ('mu', 'mu2'))
@@ -31,7 +31,9 @@ def read(collision: ElementTree.Element, refuse: Refuse, key: str) -> Surface:
         'slip of contact': any(number(ode, tag, 0.0, refuse, key) for tag in ('slip1', 'slip2')),
         'friction of Bullet': _is_other(collision, (friction, across), refuse, key),
     }
-    return Surface(friction, across, tuple(kind for kind, is_so in found.items() if is_so))
+    return CollisionSurface(
+        friction, across, tuple(kind for kind, is_so in found.items() if is_so)
+    )
 
 
 def coefficients(

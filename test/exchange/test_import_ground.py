@@ -1,4 +1,4 @@
-"""What of the ground, and of the surfaces on it, an imported robot does not have is listed."""
+"""Parts of the ground and of surfaces that an imported robot does not have are listed."""
 
 from __future__ import annotations
 
