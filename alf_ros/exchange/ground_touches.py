@@ -69,6 +69,8 @@ def of_colliders(robot: Robot, ground: float | None) -> None:
         robot.leave('contact between bodies', each.part)
         if each.across is not None:
             robot.leave('friction in two directions', each.name)
+        for kind in each.left_out:
+            robot.leave(kind, each.name)
         for plane, friction in planes:
             if each.shape is None:  # a mesh that cannot be named, or another kind
                 robot.leave('contact of other shapes', each.name)

@@ -43,12 +43,16 @@ MOTION = {
     'contact in USD': 'bodies pass through each other and through the ground',
     'contact of other shapes': 'these pass through the ground',
     'contact between bodies': 'they pass through each other',
+    'contact with fixed shapes': 'bodies pass through these: of what does not move only planes '
+    'hold something',
     'contact as drawn': 'these are drawn in the ground, which pushes them out at the start',
     'adhesion and moving surfaces': 'these neither stick to the ground nor carry along',
     'law of contact': 'its stiffness is that of --contact; no impact leaves the ground faster '
     'than 0.1 m/s',
     'filters of contact': 'these meet the ground whatever their bitmask',
     'friction in two directions': 'the smallest coefficient acts in all directions',
+    'slip of contact': 'these do not slip further the harder they are pushed along the ground',
+    'friction of Bullet': 'the coefficients of ODE count, which are 1 where the file has none',
     'friction of contact': 'bodies spin and roll on the ground without resistance',
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',

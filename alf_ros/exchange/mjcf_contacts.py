@@ -48,6 +48,8 @@ def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
             pair = _pair(model, geom, plane, _uses_gap(mujoco))
             if pair is not None:
                 _touch(robot, mujoco, data, geom, part, plane, pair)
+    for name in _obstacles(mujoco, model, held, planes):
+        robot.leave('contact with fixed shapes', name)
     for name in _moving_or_sticking(model):
         robot.leave('adhesion and moving surfaces', name)
     for part in (*_touching(mujoco, model, held, planes), *_paired(model, held, planes)):
@@ -117,8 +119,7 @@ def _touch(
     name = model.geom(geom).name or f'{part}_geom{geom}'
     found = _shape(mujoco, model, geom)
     if found is None:
-        kind = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix('mjGEOM_').lower()
-        robot.leave('contact of other shapes', f'{kind} {name}')
+        robot.leave('contact of other shapes', f'{_kind(mujoco, model, geom)} {name}')
         return
     normal = data.geom_xmat[plane].reshape(3, 3)[:, 2].copy()
     ground = FixedPlane(data.geom_xpos[plane] + pair.margin * normal, normal)
@@ -138,6 +139,35 @@ def _shape(mujoco: Any, model: Any, geom: int) -> VisualShape | None:
     }
     found = sizes.get(kinds(model.geom_type[geom]))
     return None if found is None else shape(*found)
+
+
+def _kind(mujoco: Any, model: Any, geom: int) -> str:
+    return str(mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix('mjGEOM_').lower())
+
+
+def _obstacles(
+    mujoco: Any, model: Any, held: Sequence[str], planes: Sequence[int]
+) -> Iterator[str]:
+    """Geoms, besides planes, that do not move and that something moving touches in MuJoCo, except
+    geoms of a body that carries a moving one, such as the base of a robot."""
+    bases: set[int] = set()
+    for body in reversed(range(1, model.nbody)):  # parents come before their children
+        if held[body] != GROUND or body in bases:
+            bases.add(int(model.body_parentid[body]))
+    bases.discard(0)  # the world
+    moving = np.array([held[body] != GROUND for body in model.geom_bodyid], dtype=bool)
+    kinds, affinities = (
+        int(np.bitwise_or.reduce(masks[moving], initial=0))
+        for masks in (model.geom_contype, model.geom_conaffinity)
+    )
+    pairs = [set(map(int, both)) for both in zip(model.pair_geom1, model.pair_geom2, strict=True)]
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if moving[geom] or geom in planes or body in bases:
+            continue
+        meets = model.geom_contype[geom] & affinities or model.geom_conaffinity[geom] & kinds
+        if meets or any(geom in both and any(moving[n] for n in both) for both in pairs):
+            yield f'{_kind(mujoco, model, geom)} {model.geom(geom).name or f"geom{geom}"}'
 
 
 def _paired(model: Any, held: Sequence[str], planes: Sequence[int]) -> Iterator[str]:

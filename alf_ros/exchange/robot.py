@@ -178,13 +178,15 @@ class GroundTouch:
 class Collider:
     """A shape of a part with which the part touches others, placed as drawn; None: of a kind that
     no shape here has. friction: coefficient, None: not given; `across` its direction another one
-    if that differs."""
+    if that differs. left_out: what else its surface has, by the kinds of `import_report`.
+    """
 
     name: str
     part: str
     shape: VisualShape | None
     friction: float | None = None
     across: float | None = None
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,14 @@ _ELEMENTS = {
     'dynamics': ('damping', 'friction', 'spring_stiffness', 'spring_reference'),
     'limit': ('lower', 'upper', 'effort', 'velocity', 'stiffness', 'dissipation'),
     'mimic': ('multiplier', 'offset', 'reference'),
+    'collision': ('pose', 'geometry', 'surface', 'density', 'auto_inertia_params', 'max_contacts')
+    + ('laser_retro',),
+    'geometry': ('empty', 'box', 'capsule', 'cone', 'cylinder', 'ellipsoid', 'heightmap', 'image')
+    + ('mesh', 'plane', 'polyline', 'sphere'),
+    'surface': ('bounce', 'friction', 'contact', 'soft_contact'),
+    'friction': ('ode', 'bullet', 'torsional'),
+    'ode': ('mu', 'mu2', 'fdir1', 'slip1', 'slip2'),
+    'bullet': ('friction', 'friction2', 'fdir1', 'rolling_friction'),
 }
 _ELEMENTS['axis2'] = _ELEMENTS['axis']
 # by element the attributes that it has
@@ -43,6 +51,7 @@ _ATTRIBUTES: dict[str, tuple[str, ...]] = dict.fromkeys(_ELEMENTS, ()) | {
     'frame': ('name', 'attached_to'),
     'model': ('name', 'canonical_link', 'placement_frame'),
     'link': ('name',),
+    'collision': ('name',),
     'joint': ('name', 'type'),
     'pose': ('relative_to', 'rotation_format', 'degrees'),
     'inertial': ('auto',),
@@ -51,7 +60,7 @@ _ATTRIBUTES: dict[str, tuple[str, ...]] = dict.fromkeys(_ELEMENTS, ()) | {
 }
 _BELOW = frozenset(
     ('frame', 'include', 'pose', 'inertial', 'inertia', 'axis', 'axis2', 'xyz', 'dynamics')
-    + ('limit', 'mimic')
+    + ('limit', 'mimic', 'collision', 'geometry', 'surface', 'friction', 'ode', 'bullet')
 )
 _SEVERAL = frozenset(
     ('frame', 'include', 'model', 'link', 'joint', 'plugin', 'gripper', 'model_state', 'sensor')

@@ -291,8 +291,6 @@ class _Reader:
     def _part(self, element: ElementTree.Element, name: str) -> RobotPart:
         """A link, as if its frame were the world frame: the frame is known later."""
         inertial = element.find('inertial')
-        if inertial is None or not (inertial.findtext('mass') or '').strip():
-            self.robot.leave('mass: default of SDF', name)
         if inertial is not None and is_true(inertial.get('auto'), self.error, name, inertial):
             self.robot.leave('inertia by shapes', name)
         if inertial is not None and inertial.find('fluid_added_mass') is not None:
@@ -344,11 +342,16 @@ class _Reader:
                 above[child] = parent
         roots = {name: GROUND if root(name) == WORLD else root(name) for name in links}
         part_of = self.robot.add_links(links, roots) | {WORLD: GROUND}
+        for name, part in self.links.items():
+            stated = part.at is not None and (part.at.findtext('mass') or '').strip()
+            if not stated and roots[name] != GROUND:
+                self.robot.leave('mass: default of SDF', self._short(name))
         masses = {name: part.mass for name, part in self.links.items()}
         self.robot.lift(masses, part_of, self.weightless)
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
+        self._leave_obstacles()
         held = {
             scope + self._name(each)
             for scope, each in self.joints
@@ -367,6 +370,16 @@ class _Reader:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
                 self.robot.connect(joints.connection(scope, each, parent, child), at=each)
+
+    def _leave_obstacles(self) -> None:
+        """Note the shapes of static models, besides planes, which stop nothing that moves."""
+        if all(each.part == GROUND for each in self.robot.colliders):
+            return
+        for _, link, each in self.visuals:
+            kinds = [shape.tag for shape in each.iterfind('geometry/*')]
+            if link in self.still and each.tag == sdf_visuals.COLLISION and kinds != ['plane']:
+                name = f'{self._short(link)} {each.get("name", "")}'.strip()
+                self.robot.leave('contact with fixed shapes', ' '.join([*kinds[:1], name]))
 
     def _visual_frame(self, scope: str, link: str, visual: ElementTree.Element) -> str:
         to = self._relative(visual)

@@ -20,6 +20,7 @@ _HARMLESS = (
     *('must_be_base_link', 'allow_auto_disable'),
 )
 _UNLESS = ('static', 'kinematic', 'enable_wind')  # harmless unless it is so
+_FRICTION = ('mu1', 'mu2')
 _GRAVITY = ('gravity', 'turnGravityOff')
 _NO = ('false', 'no', '0')  # any other word turns gravity off
 _YES = ('true', 'yes', '1')
@@ -38,12 +39,12 @@ def weightless(xml: ElementTree.Element, refuse: Refuse) -> set[str]:
     return found
 
 
-def frictions(xml: ElementTree.Element) -> dict[str, dict[str, str]]:
-    """By link the coefficients of friction, `mu1` and `mu2`, as they are written."""
-    found: dict[str, dict[str, str]] = {}
+def frictions(xml: ElementTree.Element) -> dict[str, dict[str, ElementTree.Element]]:
+    """By link the elements of the coefficients of friction, `mu1` and `mu2`."""
+    found: dict[str, dict[str, ElementTree.Element]] = {}
     for about, element in _of_links(xml):
-        if element.tag in ('mu1', 'mu2') and (element.text or '').strip():
-            found.setdefault(about, {})[element.tag] = element.text or ''
+        if element.tag in _FRICTION and (element.text or '').strip():
+            found.setdefault(about, {})[element.tag] = element
     return found
 
 
@@ -57,7 +58,9 @@ def leave(robot: Robot, xml: ElementTree.Element, links: Collection[str]) -> Non
             elif element.tag in _GRAVITY and about in links:
                 continue
             elif element.tag != 'joint' or about is not None:
-                kind = 'gazebo' if _is_harmless(element) else 'physics of Gazebo'
+                is_lost = element.tag in _FRICTION and about not in links
+                harmless = _is_harmless(element) and not is_lost
+                kind = 'gazebo' if harmless else 'physics of Gazebo'
                 robot.leave(kind, f'{_called(element)} of {about or "the robot"}')
 
 
@@ -71,6 +74,8 @@ def _is_harmless(element: ElementTree.Element) -> bool:
     tag = _called(element)
     if tag in _UNLESS:
         return _word(element) not in _YES
+    if tag == 'collision':
+        return element.find('surface') is None
     return tag in _HARMLESS or tag.startswith('sensor:')
 
 

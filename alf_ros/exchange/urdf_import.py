@@ -42,6 +42,8 @@ _READ = {
     'joint': ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
     + ('calibration', 'safety_controller'),
     'inertial': ('origin', 'mass', 'inertia'),
+    'collision': ('origin', 'geometry', 'material'),
+    'geometry': ('box', 'cylinder', 'sphere', 'mesh', 'capsule'),
 }
 # by element of a link or a joint the attributes that it has
 _ATTRIBUTES = {
@@ -58,6 +60,13 @@ _ATTRIBUTES = {
     'limit': ('lower', 'upper', 'effort', 'velocity'),
     'dynamics': ('damping', 'friction'),
     'mimic': ('joint', 'multiplier', 'offset'),
+    'collision': ('name',),
+    'geometry': (),
+    'box': ('size',),
+    'sphere': ('radius',),
+    'cylinder': ('radius', 'length'),
+    'capsule': ('radius', 'length'),
+    'mesh': ('filename', 'scale'),
 }
 _SEVERAL_OF = (*_READ['robot'], 'visual', 'collision')
 _HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
@@ -391,10 +400,13 @@ class UrdfReader:
 
     def _leave_inside(self, element: ElementTree.Element) -> None:
         """Note what URDF does not have further inside a link or a joint."""
-        name, inner = element.get('name', ''), element.findall('inertial')
+        name = element.get('name', '')
+        inner = [each for each in element if each.tag in ('inertial', 'collision')]
+        inner += element.findall('collision/geometry')
         for each in inner:
-            for tag, _ in unknown_elements.of(each, _READ['inertial'], ()):
-                self.robot.leave('unknown elements', f'{tag} of {name}')
+            for tag, unknown in unknown_elements.of(each, _READ[each.tag], ()):
+                kind = 'elements' if _is_harmless(unknown) else 'unknown elements'
+                self.robot.leave(kind, f'{tag} of {name}')
         for each in (element, *element, *(part for one in inner for part in one)):
             for attribute in unknown_elements.attributes(each, _ATTRIBUTES):
                 self.robot.leave('unknown attributes', f'{attribute} of {name}')

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alf_ros.exchange import sdf_visuals, urdf_gazebo
+from alf_ros.exchange import sdf_surfaces, urdf_gazebo
 from alf_ros.exchange.robot import Collider, FramePose, Robot
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
@@ -64,15 +64,13 @@ def _collider(
 
 
 def _with_friction(
-    robot: Robot, collider: Collider, link: str, given: Mapping[str, str] | None
+    robot: Robot, collider: Collider, link: str, given: Mapping[str, ElementTree.Element] | None
 ) -> Collider:
-    """With the coefficients that the extension of Gazebo gives the link."""
+    """With the coefficients that the extension of Gazebo gives the link. Raises InputError."""
     if given is None:
         return collider
-    try:
-        along, across = sdf_visuals.coefficients(given.get('mu1'), given.get('mu2'))
-    except ValueError:
-        raise robot.error(link, 'mu1 and mu2 are not usable numbers') from None
+    both = given.get('mu1'), given.get('mu2')
+    along, across = sdf_surfaces.coefficients(*both, robot.error, link)
     return replace(collider, friction=along, across=across)
 
 
