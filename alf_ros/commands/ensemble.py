@@ -77,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     folder = paths.named(options.store or f'{name}.zarr', '--store')
     _report(folder, options.report)
     with parser.naming(), _Lines(folder) as lines:
-        conduct(study, folder, crew(options.workers, options.scheduler), lines)
+        conduct(study, folder, crew(options.workers, options.scheduler, lines.say), lines)
     assert lines.last is not None
     lines.tell()
     report = _report(folder, options.report)  # of the file that is there now
@@ -157,6 +157,10 @@ class _Lines:
             f'{progress.done}/{progress.members} members, {progress.rate:.3g}/s, '
             f'{progress.left:.0f} s left, {progress.failed} failed{_first(progress)}'
         )
+
+    def say(self, text: str) -> None:
+        """Print a line that stays."""
+        self._bar.line(text)
 
     def tell(self) -> None:
         """Print the statistics of each number."""

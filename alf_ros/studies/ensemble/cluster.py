@@ -6,10 +6,14 @@ package: it is given the address of the scheduler.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-import gc
+import logging
 import pickle
-from collections.abc import Iterator, Sequence
+import textwrap
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
@@ -20,8 +24,12 @@ from alf_ros.studies.ensemble.crews import MOST_DEATHS
 from alf_ros.studies.ensemble.store import versions
 from alf_ros.studies.ensemble.study import Study
 
+_LOG = logging.getLogger(__name__)
 AHEAD = 2  # chunks given out for each thread of the cluster
 _CONNECTING = 10.0  # s
+_UNHEARD = 5.0  # s without a worker before it is told
+_LONGEST_SAID = 200  # characters of what a worker said
+_LOOKING = 0.05  # s between two looks for finished chunks
 _FOLDERS = ('kernel', 'mechanism', 'model', 'effects', 'scene', 'simulation', 'studies/ensemble')
 
 
@@ -45,12 +53,13 @@ def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
 
 
 class Cluster:
-    """The workers of the scheduler at `address`, such as tcp://host:8786.
+    """The workers of the scheduler at `address`, such as tcp://host:8786. `tell` hears a line
+    where there are none: they may still come, as those of a queue do.
 
-    Raises InputError without `distributed`, and if nobody answers there.
+    Raises InputError without `distributed`, and if no scheduler answers there.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, tell: Callable[[str], None] = _LOG.warning) -> None:
         try:
             import distributed
         except ImportError:
@@ -59,13 +68,14 @@ class Cluster:
             ) from None
         self._distributed: Any = distributed
         self._address = address
+        self._tell, self._is_told_empty = tell, False
         self._client: Any = None
-        with contextlib.suppress(OSError, TimeoutError, ValueError, TypeError):
-            self._client = distributed.Client(
-                address, timeout=_CONNECTING, set_as_default=False, name='alf_ros'
-            )
+        if _is_scheduler(distributed, address):
+            with contextlib.suppress(OSError, TimeoutError, ValueError, TypeError):
+                self._client = distributed.Client(
+                    address, timeout=_CONNECTING, set_as_default=False, name='alf_ros'
+                )
         if self._client is None:
-            gc.collect()  # a client that failed waits for its thread, which ends with the process
             raise InputError(
                 'no scheduler answers', key='scheduler', value=address, expected='tcp://host:port'
             )
@@ -87,9 +97,11 @@ class Cluster:
 
         try:
             give()
-            for future in done:
+            while running:
+                self._wait(done)
+                future = next(done)
                 number = running.pop(future)
-                found = self._outcome(future, number, deaths)
+                found = self._outcome(future, study, number, deaths)
                 if found is None:
                     waiting.append(number)
                 give()
@@ -98,6 +110,20 @@ class Cluster:
         finally:
             self._client.cancel(list(running), force=True)
             self._client.close(timeout=1.0)
+
+    def _wait(self, done: Any) -> None:
+        """Until a chunk is done; tells once that there is no worker."""
+        last = time.monotonic()
+        while not done.has_ready():
+            time.sleep(_LOOKING)
+            if time.monotonic() < last + _UNHEARD:
+                continue
+            last = time.monotonic()
+            if self._is_told_empty == (self._threads == 0):
+                continue
+            self._is_told_empty = not self._is_told_empty
+            if self._is_told_empty:
+                self._tell(f'the scheduler at {self._address} has no worker; waiting for one')
 
     @property
     def _threads(self) -> int:
@@ -112,7 +138,9 @@ class Cluster:
             'command goes on from there'
         )
 
-    def _outcome(self, future: Any, number: int, deaths: dict[int, int]) -> Chunk | None:
+    def _outcome(
+        self, future: Any, study: Study, number: int, deaths: dict[int, int]
+    ) -> Chunk | None:
         """The chunk of a future; None if it is to be given out again."""
         if future.status in ('cancelled', 'lost'):
             raise self._gone()
@@ -123,9 +151,36 @@ class Cluster:
             error = future.exception()
         except (OSError, TimeoutError, CancelledError):  # it went while the answer was fetched
             raise self._gone() from None
-        if not isinstance(error, self._distributed.KilledWorker):
+        if isinstance(error, AlfError):
             raise error
+        members = study.indices(number)
+        which = f'members {members[0]} to {members[-1]}'
+        if not isinstance(error, self._distributed.KilledWorker):
+            said = textwrap.shorten(f'{type(error).__name__}: {error}', _LONGEST_SAID)
+            raise AlfError(f'a worker cannot run {which}: {said}; what is finished is kept')
         deaths[number] += 1
         if deaths[number] >= MOST_DEATHS:
-            raise AlfError(f'chunk {number}: {error}; what is finished is kept')
+            raise AlfError(
+                f'workers have died again and again with {which}; what is finished is kept'
+            )
         return None
+
+
+def _is_scheduler(distributed: Any, address: str) -> bool:
+    """Whether a scheduler answers there. A client that meets another program, or nobody, waits
+    for it also when it is closed, without end."""
+
+    async def kind() -> Any:
+        async with distributed.rpc(address, timeout=_CONNECTING) as there:
+            return (await there.identity()).get('type')
+
+    found: list[bool] = []
+
+    def ask() -> None:
+        with contextlib.suppress(Exception):  # whatever a program that is none makes of it
+            found.append(asyncio.run(asyncio.wait_for(kind(), _CONNECTING)) == 'Scheduler')
+
+    asking = threading.Thread(target=ask, daemon=True)  # the caller may have a loop of its own
+    asking.start()
+    asking.join(2.0 * _CONNECTING)
+    return found == [True]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -26,6 +27,7 @@ from alf_ros.studies.ensemble.study_reading import study_of
 if TYPE_CHECKING:
     import xarray
 
+_LOG = logging.getLogger(__name__)
 Watching = Callable[['Progress'], None]
 
 
@@ -111,12 +113,15 @@ def ensemble(
     return found.assign_attrs(trouble=trouble_of(study, 0))
 
 
-def crew(workers: int | None, scheduler: str | None) -> Crew:
-    """The crew that runs the chunks. Raises InputError if both are given, or none answers."""
+def crew(
+    workers: int | None, scheduler: str | None, tell: Callable[[str], None] = _LOG.warning
+) -> Crew:
+    """The crew that runs the chunks; `tell` hears that a cluster has no workers. Raises InputError
+    if both are given, or none answers."""
     if scheduler is not None:
         if workers is not None:
             raise InputError('a cluster has its own', key='workers', value=workers)
-        return Cluster(check.text(scheduler, 'scheduler'))
+        return Cluster(check.text(scheduler, 'scheduler'), tell)
     count = len(os.sched_getaffinity(0)) if workers is None else check.whole(workers, 'workers', 0)
     return Processes(count) if count else ThisProcess()
 
