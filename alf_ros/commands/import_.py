@@ -64,8 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--contact',
         type=float,
         metavar='STIFFNESS',
-        help='write a scene, with a contact of this stiffness (N/m^1.5) where balls, capsules and '
-        'boxes meet a plane of the ground',
+        help='write a scene, with a contact of this stiffness (N/m^1.5) where balls, capsules, '
+        'boxes and wheels meet a plane of the ground',
     )
     parser.add_argument(
         '--ground',

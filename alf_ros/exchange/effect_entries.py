@@ -42,6 +42,10 @@ class Named:
         inner = at if part == GROUND else self.frames[part].inverse.place(at)
         return [round(float(x), _DIGITS) + 0.0 for x in inner]
 
+    def direction(self, part: str, axis: Any) -> list[float]:
+        """A direction (3,) of the world as drawn, in the frame of a part."""
+        return [round(float(x), _DIGITS) + 0.0 for x in self.frames[part].turn.T @ axis]
+
 
 def entries(
     robot: Robot, named: Named, stops: float | None, contact: float | None
@@ -144,6 +148,8 @@ def _contacts(robot: Robot, named: Named, stiffness: float) -> dict[str, dict[st
             'damping': _LOSSES,
         }
         contact |= {'radius': each.radius} if each.radius else {}
+        if each.axle is not None:
+            contact['axle'] = named.direction(each.part, each.axle)
         contact |= {'friction': each.friction} if each.friction else {}
         contact |= {'through': each.plane.through.tolist()} if any(each.plane.through) else {}
         if each.plane.normal[2] != 1.0:
@@ -151,8 +157,7 @@ def _contacts(robot: Robot, named: Named, stiffness: float) -> dict[str, dict[st
         if each.turning:
             robot.leave('friction of contact', each.part)
         contacts[_label(each.name, contacts)] = contact
-        height = float(each.plane.normal @ (each.centre - each.plane.through))
-        deepest[each.part] = max(deepest.get(each.part, 0.0), each.radius - height)
+        deepest[each.part] = max(deepest.get(each.part, 0.0), each.depth)
     for part, depth in deepest.items():
         if depth > _DRAWN:
             robot.leave('contact as drawn', f'{part} by {depth:.3g} m')

@@ -1,8 +1,9 @@
-"""Balls and points of a robot that touch fixed planes, as `ground_contact` knows them.
+"""Balls, wheels and points of a robot that touch fixed planes, as `ground_contact` knows them.
 
-A ball touches as it is, a capsule as the balls at its ends, a box as its eight corners: a plane
-touches no other place of them first. Of a cylinder, an ellipsoid or a mesh no few points are the
-first to touch, so those are listed.
+A ball touches as it is, a capsule as the balls at its ends, a box as its eight corners, a cylinder
+that lies as the two circles at its ends: a plane touches no other place of them first. Of a
+cylinder that stands, an ellipsoid or a mesh no few points are the first to touch, so those are
+listed.
 """
 
 from __future__ import annotations
@@ -13,22 +14,32 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import GROUND, FixedPlane, GroundTouch, Robot
 from alf_ros.mechanism import VisualShape
 
+_STANDS = 0.7  # |n · a| as drawn above which a cylinder about a stands
 
-def balls(shape: VisualShape) -> list[tuple[Floats, float]]:
-    """Centre (3,) and radius of each ball, m; of a corner the radius is zero.
+
+def _touching(
+    shape: VisualShape, normal: Floats
+) -> tuple[list[tuple[Floats, float]], Floats | None]:
+    """Centre (3,) and radius of each ball that touches a plane with this normal, m, 0 of a corner;
+    for wheels their axle (3,), unit.
 
     Raises ValueError for a shape that is not made of a few.
     """
     at, turn = np.array(shape.at), shape.turn
     if shape.kind == 'sphere':
-        return [(at, shape.size[0])]
-    if shape.kind == 'capsule':
+        return [(at, shape.size[0])], None
+    if shape.kind in ('capsule', 'cylinder'):
         radius, length = shape.size
-        return [(at + end * length * turn[:, 2], radius) for end in (-0.5, 0.5)]
+        axle = turn[:, 2]
+        ends = [(at + end * length * axle, radius) for end in (-0.5, 0.5)]
+        if shape.kind == 'capsule':
+            return ends, None
+        if abs(float(normal @ axle)) < _STANDS:
+            return ends, axle
     if shape.kind == 'box':
         half = 0.5 * np.array(shape.size)
         signs = np.array(np.meshgrid(*(3 * [[-1.0, 1.0]]), indexing='ij')).reshape(3, -1).T
-        return [(at + turn @ (sign * half), 0.0) for sign in signs]
+        return [(at + turn @ (sign * half), 0.0) for sign in signs], None
     raise ValueError(shape.kind)
 
 
@@ -44,13 +55,13 @@ def touch(
     """Let a shape of a part, placed as drawn, touch a plane, see `GroundTouch`; list a shape that
     cannot."""
     try:
-        found = balls(shape)
+        found, axle = _touching(shape, plane.normal)
     except ValueError:
         robot.leave('contact of other shapes', f'{shape.kind} {name}')
         return
     for n, (centre, radius) in enumerate(found):
         of = name if len(found) == 1 else f'{name}_{n}'
-        robot.touches.append(GroundTouch(of, part, centre, radius, plane, friction, turning))
+        robot.touches.append(GroundTouch(of, part, centre, radius, plane, friction, turning, axle))
 
 
 def of_colliders(robot: Robot, ground: float | None) -> None:

@@ -162,7 +162,7 @@ class GroundTouch:
     """A ball of a part that touches a plane, or a point if its radius is 0.
 
     centre (3,) as drawn, m. friction: the coefficient between them. turning: whether the source
-    has friction against spin and roll as well.
+    has friction against spin and roll as well. axle (3,) as drawn: a circle about it instead.
     """
 
     name: str
@@ -172,6 +172,14 @@ class GroundTouch:
     plane: FixedPlane
     friction: float
     turning: bool = False
+    axle: Floats | None = None
+
+    @property
+    def depth(self) -> float:
+        """In the plane as drawn, m; negative above it."""
+        across = 0.0 if self.axle is None else float(self.plane.normal @ self.axle)
+        height = float(self.plane.normal @ (self.centre - self.plane.through))
+        return self.radius * float(np.sqrt(max(0.0, 1.0 - across**2))) - height
 
 
 @dataclass(frozen=True, eq=False)

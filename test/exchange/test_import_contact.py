@@ -360,3 +360,29 @@ def test_options_that_cannot_be(tmp_path: Path) -> None:
         import_.main([path, '--ground', 'inf'])
     with pytest.raises(InputError, match='--ground: not for MJCF'):
         import_.main([path, '--ground', '0'])
+
+
+def wheel(name: str, y: float) -> str:
+    """A hinged wheel beside the base, its cylinder along its hinge."""
+    return f"""<body name="{name}" pos="0 {y} 0"><joint name="{name}_hinge" axis="0 1 0"/>
+ <geom name="{name}_rim" type="cylinder" size="{R} 0.02" euler="90 0 0" mass="0.5" friction="1"/>
+</body>"""
+
+
+def test_a_cart_rolls_on_cylinders_and_slides_on_its_caster(tmp_path: Path) -> None:
+    """Down a slope, with two wheels of J = ½ m R²: (M + 2 J / R²) v̇ = M g sin α."""
+    slope, low = 1.5, R - depth(9.0 * G / 5.0)
+    cart = f"""<body name="base" pos="0 0 {low!r}"><freejoint/>
+ <geom type="box" size="0.2 0.1 0.02" mass="7" contype="0" conaffinity="0"/>{wheel('left', 0.2)}
+ {wheel('right', -0.2)}<geom name="caster" type="sphere" size="{R / 2}" pos="-0.2 0 {-R / 2}"
+ mass="1" friction="0" priority="1"/></body>"""
+    text = read(tmp_path, world(cart, pull=slope))
+    touching = contacts(text)
+    assert len(touching) == 5
+    assert [each.parameters.axle for each in touching].count(()) == 1
+    sim = Simulation(scene_from_text(text))
+    sim.step(200)
+    before = sim.sample().velocities['left_hinge_at'][0]
+    sim.step(300)
+    gained = sim.sample().velocities['left_hinge_at'][0] - before
+    assert gained == pytest.approx(0.3 * slope * 9.0 / (9.0 + 0.5), rel=1e-3)
