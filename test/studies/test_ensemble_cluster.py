@@ -1,4 +1,4 @@
-"""Clusters that cannot work: each is told, in one line, and none is waited for in silence."""
+"""Clusters that cannot work: a line reports each, and no command waits for one in silence."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 
 
 def test_a_port_of_another_program_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that takes the connection and says nothing; no thread waits for it afterwards."""
+    """It accepts the connection and says nothing; no thread waits for it afterwards."""
     monkeypatch.setattr(cluster, '_CONNECTING', 0.3)
     before = set(threading.enumerate())
     with socket.create_server(('127.0.0.1', 0)) as silent:

@@ -24,7 +24,7 @@ class SetupChanges:
     """Makes the setup that parameters ask for while they are judged, and keeps it until they have
     been accepted.
 
-    Services come through `set`: what takes long is made beside the executor then. Whoever sets
+    Services come through `set`: long work is done beside the executor then. Code that sets
     parameters of the node directly waits for it. `setup` gives the present setup.
     """
 
@@ -90,11 +90,11 @@ class SetupChanges:
         return ''
 
     def forget(self) -> None:
-        """Drop what was prepared for parameters that were not accepted."""
+        """Drop the setup of parameters that were not accepted."""
         self._next = None
 
     def take(self) -> tuple[Setup, dict[str, Any]] | None:
-        """What was prepared, once: the setup, with the numbers of effects or the scene."""
+        """The setup that was made, once, with the numbers of effects or the scene."""
         taken, self._next = self._next, None
         return taken
 

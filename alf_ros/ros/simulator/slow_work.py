@@ -1,4 +1,4 @@
-"""What the terminal says of work that takes long: compiling, and searches for an accuracy."""
+"""Lines of the terminal about slow work: compiling, and searches for an accuracy."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
 
 class Cluster:
     """The workers of the scheduler at `address`, such as tcp://host:8786. `tell` hears a line
-    where there are none: they may still come, as those of a queue do.
+    where there are none: they may still come, as workers of a queue do.
 
     Raises InputError without `distributed`, and if no scheduler answers there.
     """
