@@ -111,6 +111,8 @@ class Parameters:
         for name in ('normal', 'axle'):
             if getattr(self, name) and not any(getattr(self, name)):
                 raise ValueError(f'{name} has no direction')
+        if self.axle and not self.radius:
+            raise ValueError('axle: a wheel has a radius greater than zero')
 
 
 def at_rest(_: Parameters) -> str:

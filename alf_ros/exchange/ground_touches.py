@@ -83,8 +83,12 @@ def of_colliders(robot: Robot, ground: float | None) -> None:
         for kind in each.left_out:
             robot.leave(kind, each.name)
         for plane, friction in planes:
-            if each.shape is None:  # a mesh that cannot be named, or another kind
-                robot.leave('contact of other shapes', each.name)
+            if each.shape is None:  # unusable, a mesh that cannot be named, or another kind
+                text = f'{each.name} ({each.element})' if each.element else each.name
+                robot.leave('contact of other shapes', text)
                 continue
             given = [mu for mu in (each.friction, each.across, friction) if mu is not None]
+            before = len(robot.touches)
             touch(robot, each.part, each.name, each.shape, plane, min(given, default=1.0))
+            for note in each.noted if len(robot.touches) > before else ():
+                robot.left_out.remove('gazebo', note)

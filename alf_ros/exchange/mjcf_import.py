@@ -6,6 +6,7 @@ own. Several joints of one body become a chain through bodies without mass.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -145,6 +146,8 @@ class _Reader:
         mjcf_actuators.add(*given, names, self.joints, tendons)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
         mjcf_contacts.add(self.robot, mujoco, self.data, self.held)
+        if any(each.friction == math.inf for each in self.robot.touches):
+            mjcf_nan.check_friction(Path(file))
         self._move()
         self._lift()
         self._leave()

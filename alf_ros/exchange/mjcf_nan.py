@@ -1,4 +1,5 @@
-"""Numbers of an MJCF that are NaN: MuJoCo warns, and takes some of them for absent ones.
+"""Numbers of an MJCF that are NaN: MuJoCo warns, and takes some of them for absent ones; and
+coefficients of friction that are infinite, of which it says nothing.
 
 A mass of NaN, for example, becomes the one that follows from the density.
 """
@@ -30,11 +31,21 @@ def check(path: Path) -> None:
                 continue
             if not any(map(_is_nan, value.split())):
                 continue
-            name = element.get('name')
-            at = f'{element.tag} {name}' if name else element.tag
-            place = xml_file.place_of(element, str(path))
-            message = 'not a finite number'
-            raise InputError(message, **place, key=f'{at}: {key}', value=value)
+            raise _error(path, element, key)
+
+
+def check_friction(path: Path) -> None:
+    """Refuse the first infinite coefficient of friction. Raises InputError."""
+    for element in _elements(path, path.parent, set()):
+        if any(map(_is_infinite, element.get('friction', '').split())):
+            raise _error(path, element, 'friction')
+
+
+def _error(path: Path, element: ElementTree.Element, key: str) -> InputError:
+    name = element.get('name')
+    at = f'{element.tag} {name}' if name else element.tag
+    place, value = xml_file.place_of(element, str(path)), element.get(key)
+    return InputError('not a finite number', **place, key=f'{at}: {key}', value=value)
 
 
 def _elements(path: Path, folder: Path, seen: set[Path]) -> Iterator[ElementTree.Element]:
@@ -54,5 +65,12 @@ def _elements(path: Path, folder: Path, seen: set[Path]) -> Iterator[ElementTree
 def _is_nan(word: str) -> bool:
     try:
         return math.isnan(float(word))
+    except ValueError:
+        return False
+
+
+def _is_infinite(word: str) -> bool:
+    try:
+        return math.isinf(float(word))
     except ValueError:
         return False

@@ -185,8 +185,10 @@ class GroundTouch:
 @dataclass(frozen=True, eq=False)
 class Collider:
     """A shape of a part with which the part touches others, placed as drawn; None: of a kind that
-    no shape here has. friction: coefficient, None: not given; `across` its direction another one
-    if that differs. left_out: what else its surface has, by the kinds of `import_report`.
+    no shape here has, or unusable, as `element` says: its place and text in the file. friction:
+    coefficient, None: not given; `across` its direction another one if that differs. left_out:
+    the rest of its surface, by the kinds of `import_report`. noted: names of the kind `gazebo`,
+    which are listed unless it touches something.
     """
 
     name: str
@@ -195,6 +197,8 @@ class Collider:
     friction: float | None = None
     across: float | None = None
     left_out: tuple[str, ...] = ()
+    element: str = ''
+    noted: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

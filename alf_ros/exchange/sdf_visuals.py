@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
-from alf_ros.exchange import sdf_surfaces
+from alf_ros.exchange import sdf_surfaces, sdf_values, xml_file
 from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import GROUND, Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
+from alf_ros.exchange.sdf_surfaces import CollisionSurface
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
 
@@ -44,26 +47,46 @@ def _collide(
     frame: FramePose,
 ) -> None:
     """A plane is one of the ground; what no shape here has is still there."""
-    surface, found = sdf_surfaces.read(element, robot.error, name), None
+    surface = sdf_surfaces.read(element, robot.error, name)
+    plane = element.find('geometry/plane')
+    if plane is not None and part == GROUND:
+        pose = frame @ pose_of(element.find('pose'), robot.error, name)
+        _ground(robot, plane, surface, name, pose)
+        return
+    found, told, unusable = None, element.find('pose'), partial(_error, name)
     try:
-        pose = frame @ pose_of(element.find('pose'), lambda *_, **__: ValueError(name), name)
-        plane = element.find('geometry/plane')
-        if plane is not None and part == GROUND:
-            normal = pose.turn @ numbers(plane.findtext('normal'), 3, (0.0, 0.0, 1.0))
-            size = float(np.linalg.norm(normal))
-            if size > 0.0:
-                for kind in surface.left_out:
-                    robot.leave(kind, name)
-                if surface.across is not None:
-                    robot.leave('friction in two directions', name)
-                least = min(mu for mu in (surface.friction, surface.across) if mu is not None)
-                robot.planes.append((FixedPlane(pose.origin, normal / size), least))
-            return
+        pose = frame @ pose_of(told, unusable, name)
+        told = element.find('geometry/*')
         found = moved(_shape(element, folder), pose)
     except ValueError:
         pass
-    given = surface.friction, surface.across, surface.left_out
+    text = '' if found is not None else xml_file.told(element if told is None else told)
+    given = surface.friction, surface.across, surface.left_out, text
     robot.colliders.append(Collider(name.replace(' ', '_'), part, found, *given))
+
+
+def _error(name: str, *_: Any, **__: Any) -> ValueError:
+    return ValueError(name)
+
+
+def _ground(
+    robot: Robot, plane: ElementTree.Element, surface: CollisionSurface, name: str, pose: FramePose
+) -> None:
+    """Raises InputError for a plane without a direction."""
+    given = plane.find('normal')
+    up = np.array([0.0, 0.0, 1.0])
+    if given is not None and (text := (given.text or '').strip()):
+        up = sdf_values.numbers(text, 3, robot.error, name, given)
+    normal = pose.turn @ up
+    size = float(np.linalg.norm(normal))
+    if not size > 0.0:
+        raise robot.error(name, 'the normal of a plane has no direction', given)
+    for kind in surface.left_out:
+        robot.leave(kind, name)
+    if surface.across is not None:
+        robot.leave('friction in two directions', name)
+    least = min(mu for mu in (surface.friction, surface.across) if mu is not None)
+    robot.planes.append((FixedPlane(pose.origin, normal / size), least))
 
 
 def _shape(visual: ElementTree.Element, folder: Path) -> VisualShape:

@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alf_ros.exchange import sdf_surfaces, urdf_gazebo
-from alf_ros.exchange.robot import Collider, FramePose, Robot
+from alf_ros.exchange import sdf_surfaces, urdf_gazebo, xml_file
+from alf_ros.exchange.robot import GROUND, Collider, FramePose, Robot
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
 
@@ -46,6 +46,33 @@ def add(
         for n, collision in enumerate(link.findall('collision') if name in part_of else ()):
             collider = _collider(collision, folder, name, n, part_of, poses)
             robot.colliders.append(_with_friction(robot, collider, name, frictions.get(name)))
+    _leave_obstacles(robot, xml, part_of)
+
+
+def _leave_obstacles(robot: Robot, xml: ElementTree.Element, part_of: Mapping[str, str]) -> None:
+    """Note the shapes of fixed links, which stop nothing that moves, except those that carry
+    something moving, such as the base of a robot."""
+    if all(each.part == GROUND for each in robot.colliders):
+        return
+    above = {
+        child.get('link', ''): parent.get('link', '')
+        for joint in xml.findall('joint')
+        if (child := joint.find('child')) is not None
+        and (parent := joint.find('parent')) is not None
+    }
+    bases: set[str] = set()
+    for name, part in part_of.items():
+        base = above.get(name) if part != GROUND else None
+        while base is not None and base not in bases:
+            bases.add(base)
+            base = above.get(base)
+    for link in xml.findall('link'):
+        name = link.get('name', '')
+        if part_of.get(name) != GROUND or name in bases:
+            continue
+        for collision in link.findall('collision'):
+            kinds = [each.tag for each in collision.iterfind('geometry/*')]
+            robot.leave('contact with fixed shapes', ' '.join([*kinds[:1], name]))
 
 
 def _collider(
@@ -60,7 +87,17 @@ def _collider(
     try:
         return Collider(name, part_of[link], moved(_shape(element, {}, folder), poses[link]))
     except ValueError:
-        return Collider(name, part_of[link], None)
+        return Collider(name, part_of[link], None, element=_unusable(element))
+
+
+def _unusable(element: ElementTree.Element) -> str:
+    """The part of a collision that cannot be used."""
+    origin, geometry = element.find('origin'), element.find('geometry/*')
+    try:
+        _frame(origin)
+    except ValueError:
+        return xml_file.told(element if origin is None else origin)
+    return xml_file.told(element if geometry is None else geometry)
 
 
 def _with_friction(
@@ -71,7 +108,8 @@ def _with_friction(
         return collider
     both = given.get('mu1'), given.get('mu2')
     along, across = sdf_surfaces.coefficients(*both, robot.error, link)
-    return replace(collider, friction=along, across=across)
+    noted = tuple(f'{tag} of {link}' for tag in given)
+    return replace(collider, friction=along, across=across, noted=noted)
 
 
 def _color(material: ElementTree.Element | None, colors: Colors) -> list[float] | None:
@@ -90,10 +128,7 @@ def _color(material: ElementTree.Element | None, colors: Colors) -> list[float] 
 def _shape(visual: ElementTree.Element, colors: Colors, folder: Path) -> VisualShape:
     """Raises ValueError."""
     color = _color(visual.find('material'), colors)
-    origin = visual.find('origin')
-    at = {} if origin is None else origin.attrib
-    turn = Rotation.from_euler('xyz', numbers(at.get('rpy'), 3, _NONE)).as_matrix()
-    frame = FramePose(np.array(numbers(at.get('xyz'), 3, _NONE)), turn)
+    frame = _frame(visual.find('origin'))
     for each in visual.iterfind('geometry/*'):
         if each.tag == 'mesh':
             file = mesh_file(each.get('filename', ''), folder)
@@ -105,6 +140,13 @@ def _shape(visual: ElementTree.Element, colors: Colors, folder: Path) -> VisualS
             size = [numbers(each.get(key), 1)[0] for key in ROUND[each.tag]]
             return moved(shape(each.tag, size, color), frame)
     raise ValueError('no geometry')
+
+
+def _frame(origin: ElementTree.Element | None) -> FramePose:
+    """Raises ValueError."""
+    at = {} if origin is None else origin.attrib
+    turn = Rotation.from_euler('xyz', numbers(at.get('rpy'), 3, _NONE)).as_matrix()
+    return FramePose(np.array(numbers(at.get('xyz'), 3, _NONE)), turn)
 
 
 def _text(values: Iterable[float]) -> str:

@@ -24,6 +24,7 @@ from alf_ros.scene.text.yaml_document import LARGEST_FILE
 _XACRO = (re.compile(rb'\sxmlns:xacro\s*='), re.compile(rb'<xacro:[A-Za-z_]'))
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 # a comment, and a CDATA section, in which nothing is one
+_TOLD = 200  # characters of an element that are told
 _COMMENT = re.compile(rb'<!--.*?-->|<!\[CDATA\[.*?\]\]>', re.DOTALL)
 _DECLARATION = re.compile(rb'\s*(<\?xml\b.*?\?>)', re.DOTALL)
 _ENCODING = re.compile(rb'(<\?xml\b[^>]*?\sencoding\s*=\s*)("[^"]*"|\'[^\']*\')')
@@ -158,6 +159,14 @@ def place_of(element: ElementTree.Element | None, file: str) -> dict[str, Any]:
     if not isinstance(element, PlacedElement):
         return {'file': file}
     return {'file': element.file, 'line': element.line}
+
+
+def told(element: ElementTree.Element) -> str:
+    """An element on one line: `line 6: cylinder radius -1 length 1`."""
+    words = [element.tag, *(f'{key} {value}' for key, value in element.attrib.items())]
+    words += [f'{each.tag} {each.text or ""}' for each in element]
+    text = ' '.join(' '.join([*words, element.text or '']).split())[:_TOLD]
+    return f'line {element.line}: {text}' if isinstance(element, PlacedElement) else text
 
 
 def _is_xacro(text: bytes, path: Path) -> bool:

@@ -39,12 +39,21 @@ def read_effects(
                 effect = Effect(kind, name, module.Parameters(**values))
                 module.pack([effect], cut)
             except ValueError as error:
-                raise instance.error(str(error)) from None
+                raise _error(instance, str(error)) from None
             if one_of and all(instance.mapping().get(key, _NOTHING).is_null for key in one_of):
                 raise instance.error('has no effect', expected=f'one of {", ".join(one_of)}')
             found.append(effect)
         whole[kind] = reader.tables.without_files(entry)
     return tuple(found), as_entry(whole)
+
+
+def _error(instance: Entry, message: str) -> InputError:
+    """At the key with which the message begins, if the instance has that."""
+    key, _, rest = message.partition(' ')
+    entry = instance.mapping().get(key.rstrip(':'))
+    if entry is None:
+        return instance.error(message)
+    return entry.error(rest if key.endswith(':') else message)
 
 
 def fit(found: Sequence[Effect], cut: Layout) -> bool:

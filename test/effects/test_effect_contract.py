@@ -300,6 +300,14 @@ def test_what_cannot_be_is_refused(text: str, message: str) -> None:
         scene_from_text(f'{PLANAR}\neffects: {{{text}}}\n')
 
 
+def test_a_number_that_cannot_be_has_its_line() -> None:
+    text = f'{PLANAR}\neffects:\n  spring:\n    between: [B, W]\n    stiffness: -1\n'
+    line = len(text.split('\n')) - 1
+    expected = f'{line}: effects.spring.stiffness: stiffness must not be negative'
+    with pytest.raises(InputError, match=expected):
+        scene_from_text(text)
+
+
 ON_SLIDER_CRANK = [
     ('drag: {on: coupler}', 'drag: has no effect; expected one of linear, quadratic, spin'),
     (

@@ -129,13 +129,17 @@ def test_without_friction_it_keeps_its_energy(lean: float) -> None:
 
 
 @pytest.mark.parametrize(
-    'axle, on, told',
-    [([0, 0, 0], 'wheel', 'axle has no direction'), ([0, 1, 0], 'C', 'a body in space')],
+    'axle, on, radius, told',
+    [
+        ([0, 0, 0], 'wheel', R, 'axle has no direction'),
+        ([0, 1, 0], 'C', R, 'only a body in space'),
+        ([0, 1, 0], 'wheel', 0, 'a wheel has a radius greater than zero'),
+    ],
 )
-def test_a_wheel_that_cannot_be(axle: Any, on: str, told: str) -> None:
+def test_a_wheel_that_cannot_be(axle: Any, on: str, radius: float, told: str) -> None:
     scene = wheel(R, stiffness=1e4)
-    scene['effects']['ground_contact'] |= {'axle': axle, 'on': on}
+    scene['effects']['ground_contact'] |= {'axle': axle, 'on': on, 'radius': radius}
     if on == 'C':
         del scene['effects']['ground_contact']['at']
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=f'effects.ground_contact.axle: {told}'):
         Simulation(load_scene(scene))

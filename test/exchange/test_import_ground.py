@@ -188,3 +188,77 @@ def test_a_ball_rolls_down_as_gravity_of_the_world_has_it(tmp_path: Path) -> Non
 
 
 LOW = (2.0 * 9.65 / K) ** (2.0 / 3.0)  # m, at which the ground carries the ball
+
+
+LINK = '<inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>'
+
+
+@pytest.mark.parametrize(
+    ('collision', 'told'),
+    [
+        ('<origin xyz="0 0 x"/>\n' + SPHERE, 'line 4: origin xyz 0 0 x'),
+        ('\n<geometry><sphere radius="-1"/></geometry>', 'line 5: sphere radius -1'),
+    ],
+)
+def test_collisions_of_a_urdf_that_cannot_be_have_their_line(
+    collision: str, told: str, tmp_path: Path
+) -> None:
+    text = f'<robot name="r">\n<link name="b">{LINK}\n<collision>\n{collision}\n</collision>'
+    path = saved(tmp_path, 'it.urdf', f'{text}</link></robot>')
+    text = imported(path, floating=True, contact=K, ground=0.0)
+    assert f'these pass through the ground: b ({told})\n' in text
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'told'),
+    [
+        ('0.1</radius>', 'big</radius>', 'line 6: sphere radius big'),
+        (BALL, f'<pose>0 0 x 0 0 0</pose>{BALL}', 'line 6: pose 0 0 x 0 0 0'),
+    ],
+)
+def test_collisions_of_an_sdf_that_cannot_be_have_their_line(
+    old: str, new: str, told: str, tmp_path: Path
+) -> None:
+    text = imported(saved(tmp_path, 'it.sdf', sdf().replace(old, new)), contact=K)
+    assert f'these pass through the ground: ball::b_c ({told})\n' in text
+
+
+@pytest.mark.parametrize(
+    ('normal', 'message'),
+    [('0 0 x', 'not usable numbers'), ('0 0 0', 'the normal of a plane has no direction')],
+)
+def test_a_plane_of_an_sdf_that_cannot_be(normal: str, message: str, tmp_path: Path) -> None:
+    path = saved(tmp_path, 'it.sdf', sdf(ground=PLANE.replace('0 0 1', normal)))
+    with pytest.raises(InputError, match=f'it.sdf:2: .*{message}'):
+        imported(path, contact=K)
+
+
+def test_infinite_friction_of_an_mjcf_has_its_line(tmp_path: Path) -> None:
+    pytest.importorskip('mujoco')
+    text = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+<body><freejoint/>
+<geom name="foot" size="0.1" friction="inf 0 0"/></body></worldbody></mujoco>"""
+    with pytest.raises(InputError, match='it.xml:3: geom foot: friction: not a finite number'):
+        imported(saved(tmp_path, 'it.xml', text), contact=K)
+
+
+def test_fixed_shapes_of_a_urdf(tmp_path: Path) -> None:
+    """A table beside the arm is listed; the base that carries the arm is not."""
+    collision = f'<collision>{SPHERE}</collision>'
+    links = ''.join(
+        f'<link name="{name}">{LINK}{collision}</link>' for name in ('base', 'arm', 'table')
+    )
+    joints = """<joint name="j" type="continuous"><parent link="base"/><child link="arm"/>
+<axis xyz="0 1 0"/></joint>
+<joint name="t" type="fixed"><parent link="base"/><child link="table"/></joint>"""
+    path = saved(tmp_path, 'it.urdf', f'<robot name="r">{links}{joints}</robot>')
+    lines = [line for line in imported(path).split('\n') if 'fixed shapes' in line]
+    assert [line.rpartition(': ')[2] for line in lines] == ['sphere table']
+
+
+def test_friction_of_gazebo_that_counts_is_not_listed(tmp_path: Path) -> None:
+    text = f'<robot name="r"><link name="b">{LINK}<collision>{SPHERE}</collision></link>'
+    gazebo = '<gazebo reference="b"><mu1>0.5</mu1><mu2>0.5</mu2><kp>1</kp></gazebo></robot>'
+    path = saved(tmp_path, 'it.urdf', text + gazebo)
+    assert '#   gazebo: kp of b\n' in imported(path, floating=True, contact=K, ground=0.0)
+    assert '#   gazebo: mu1 of b, mu2 of b, kp of b\n' in imported(path, floating=True)
