@@ -161,9 +161,9 @@ class LogRun(RunWriter):
 
 
 def ticks(run: RunWriter, resumed: Resumed, end: float) -> Iterator[float]:
-    """Make and write the ticks of a log that is resumed, up to `end` (s), each entry of its journal
-    at its time. A request ends a tick early: ticks end where those of the log do, if that is a
-    whole number of steps.
+    """Make and write the ticks of a resumed log up to `end` (s), each entry of its journal at its
+    time. A request ends a tick early: ticks end where those of the log do, if that is a whole
+    number of steps.
 
     Yields the time (s) after each. Raises InputError, StepError.
     """
