@@ -162,7 +162,7 @@ class LogRun(RunWriter):
 
 def ticks(run: RunWriter, resumed: Resumed, end: float) -> Iterator[float]:
     """Make and write the ticks of a resumed log up to `end` (s), each entry of its journal at its
-    time. A request ends a tick early: ticks end where those of the log do, if that is a whole
+    time. A request ends a tick early: ticks end at the instants of the log that are a whole
     number of steps.
 
     Yields the time (s) after each. Raises InputError, StepError.
@@ -197,6 +197,6 @@ def ticks(run: RunWriter, resumed: Resumed, end: float) -> Iterator[float]:
 
 
 def _is_between(instant: float, h: float) -> bool:
-    """Whether a logged instant (s) lies between steps of h (s), as with other steps than those of
-    the log."""
+    """Whether a logged instant (s) lies between steps of h (s), as with steps that the log does
+    not have."""
     return instant < math.inf and abs(instant - round(instant / h) * h) > _CLOSE
