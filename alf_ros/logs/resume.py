@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from array import array
+from dataclasses import dataclass, field
 from typing import Any
 
 from alf_ros.errors import InputError
@@ -18,10 +19,11 @@ _CLOSE = 1e-9  # s: stamps are whole nanoseconds
 @dataclass
 class Resumed:
     """`rerun` stands at the last logged instant up to the time asked for; `rest` are the entries
-    of the journal that act from there on."""
+    of the journal that act from there on, and `instants` the logged ones behind it (s)."""
 
     rerun: Rerun
     rest: list[dict[str, Any]]
+    instants: array[float] = field(default_factory=lambda: array('d'))
 
 
 def resume(log: Log, at: float, trust: bool = False) -> Resumed:
@@ -33,6 +35,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
     has_states = source == log.topic('~/state')
     latest: Event | None = None
     waiting: list[dict[str, Any]] = []
+    instants = array('d')
     entries, beyond = iter(inputs), False
     for piece in log.pieces([source, '~/inputs']):
         for event in in_order(piece):
@@ -40,20 +43,26 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
                 entry = next(entries)
                 if entry['kind'] != 'start':
                     waiting.append(entry)
-            elif not beyond:
-                beyond = float(log.time(event.series.stamp[event.row])) > at + _CLOSE
-                if not beyond and int(event.series.stamp[event.row]) <= log.survey.last:
-                    for entry in waiting:
-                        _restore(rerun, latest, has_states)
-                        rerun.act(entry)
-                    waiting, latest = [], event
+                continue
+            stamp = int(event.series.stamp[event.row])
+            t = float(log.time(stamp))
+            beyond = beyond or t > at + _CLOSE
+            if stamp > log.survey.last:
+                continue
+            if beyond:
+                instants.append(t)
+                continue
+            for entry in waiting:
+                _restore(rerun, latest, has_states)
+                rerun.act(entry)
+            waiting, latest = [], event
     first, last = log.time(log.survey.first), log.end
     if latest is None or at > last + _CLOSE:
         expected = f'from {first:.9g} to {last:.9g} s'
         raise InputError('not within the log', key='--at', value=at, expected=expected)
     _restore(rerun, latest, has_states)
     rerun.go_to(rerun.step_of(int(latest.series.stamp[latest.row])))
-    return Resumed(rerun, waiting)
+    return Resumed(rerun, waiting, instants)
 
 
 def _source(log: Log) -> str:

@@ -253,7 +253,7 @@ def test_a_journal_changes_numbers_only(archive, recorded, capsys):
         {'effects.gravity.acceleration': {'notes.py': 1}},
     ):
         entry = {'kind': 'settings', 'step': 0, 't': 0.0, 'solver': solver, 'effects': effects}
-        rerun = Redriven(log)._rerun
+        rerun = Redriven(log)._resumed.rerun
         with pytest.raises(InputError):
             rerun.act({**entry, 'steps_per_tick': 2})
     assert not archive.owned.exists()

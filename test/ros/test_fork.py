@@ -167,6 +167,45 @@ def test_a_fork_of_a_fork_is_a_fork(parent, tmp_path):
     assert messages(grandchild) == wanted and grandchild.info['parent']['log'] == 'fork'
 
 
+def ended_early(folder):
+    """A log in which requests ended two ticks after one of their two steps: for a push, and for
+    nothing that the journal has."""
+    setup = settings.made(load_scene('slider_crank'), {})
+    run = LogRun(folder, setup)
+    run.send()
+    for tick in range(1, 31):
+        setup.simulation.step(1 if tick in (12, 20) else setup.steps)
+        run.send()
+        if tick == 12:
+            push(run, 'coupler', 30.0)
+    run.close()
+    return load(run.recorder.folder)
+
+
+@pytest.mark.parametrize('at', [0.01, 0.023, 0.03])
+def test_ticks_end_where_those_of_the_parent_do(tmp_path, at):
+    log = ended_early(tmp_path)
+    assert {0.023, 0.037, 0.038} <= set(log.states.t.round(9).tolist())
+    child = forked(log, tmp_path, '--at', str(at))
+    start = child.info['parent']['t']
+    assert messages(child) == messages(log, round(start * 1e9)) and compare(child).equal
+    assert entries(child) == entries(log, start)
+
+
+def test_an_input_between_other_steps_is_refused(tmp_path, capsys):
+    """It acted half a step late, without a word."""
+    log = ended_early(tmp_path)
+    long = ['--at', '0.01', '--set', 'solver.step=2e-3']
+    assert main(['fork', str(log.path), *long, '-o', str(tmp_path / 'new')]) == 2
+    said = '--set solver.step: the log has an input at t = 0.023 s, which lies between such steps'
+    assert capsys.readouterr().err == f'alf_ros fork: {said}, got 0.002\n'
+    assert not (tmp_path / 'new').exists()
+    before = forked(log, tmp_path, *long, '--duration', '0.012')
+    assert round(float(before.states.t[-1]), 9) == 0.022 and compare(before).equal
+    fine = forked(log, tmp_path / 'fine', '--at', '0.01', '--set', 'solver.step=5e-4')
+    assert fine.inputs[1]['t'] == 0.023 and compare(fine).equal
+
+
 def test_changes_are_those_of_python(tmp_path):
     path, _ = make(tmp_path, 'slider_crank', 300, push_at=50)
     log = load(path.parent)

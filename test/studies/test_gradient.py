@@ -365,6 +365,20 @@ def test_steps_that_are_too_long_are_told() -> None:
         assert found.trouble[: len(told)] == told and bool(found.trouble) == bool(told)
 
 
+@pytest.mark.parametrize(
+    ('of', 'fine', 'coarse'),
+    [('max(norm(crank_pin.force))', 5, 100), ('rms(knee.velocity)', 5, 100)],
+)
+def test_samples_that_are_too_far_apart_are_told(of: str, fine: int, coarse: int) -> None:
+    """The largest force was off by 7 %, without a word."""
+    simulation = Simulation(load_scene('slider_crank'))
+    exact = gradient(simulation, of, ['m'], duration=2.0, every=4).value
+    for every, told in ((fine, False), (coarse, True)):
+        found = gradient(simulation, of, ['m'], duration=2.0, every=every)
+        assert ('samples are too far apart for it' in found.trouble) == told
+        assert (abs(found.value / exact - 1.0) > 1e-3) == told
+
+
 def servo(velocity_gain: float) -> Scene:
     table = [[0, 0], [0.3, 0.6], [0.8, 0.2]]
     gains = {'position_gain': 30, 'velocity_gain': velocity_gain}

@@ -195,7 +195,8 @@ class _Film:
         step = round(t / simulation.h)
         simulation.restore(replace(simulation.state, step=step, q=q))
         sample = simulation.sample()
-        points = np.array([sample.points[name] for name in model.point_names])
+        named = sample.points  # made anew each time it is read
+        points = np.array([named[name] for name in model.point_names])
         places = in_space(np.vstack([points, self._forms.values(q.reshape(-1, D))]))
         if self._shown is not None:
             places = np.vstack([places, self._shown.places(poses(sample))])

@@ -68,8 +68,10 @@ def fork(
         state = _change(rerun, changes, changed, warn)
     simulation = rerun.simulation
     steps = steps_per_tick(1.0 / tick, simulation.h)
-    rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
+    resumed.rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
     end = log.end if duration is None else start + duration
+    if 'step' in changed:
+        _check_steps(resumed.rest, simulation.h, end)
     if log.absent and end > log.end + 0.5 * tick:  # inputs in them may act there
         raise InputError(
             f'nothing is known of the later inputs: {log.absent}',
@@ -102,7 +104,7 @@ def fork(
     )
     try:
         run.send()
-        for t in ticks(run, rerun, rest, end):
+        for t in ticks(run, resumed, end):
             report((t - start) / max(end - start, t - start))
     finally:
         run.close()
@@ -205,6 +207,16 @@ def _other_values(before: Scene, after: Scene) -> set[str]:
     """The names of the numbers of effects that differ in two scenes."""
     known = {name: each.value for name, each in effect_values(before).items()}
     return {name for name, each in effect_values(after).items() if known.get(name) != each.value}
+
+
+def _check_steps(rest: list[dict[str, Any]], h: float, end: float) -> None:
+    """Raise InputError for an entry before `end` (s) that acts between steps of h (s): it would
+    act at another time."""
+    for entry in rest:
+        t = entry['t']
+        if t < end - 0.5 * h and abs(t / h - round(t / h)) > 1e-6:
+            text = f'the log has an input at t = {t:.9g} s, which lies between such steps'
+            raise InputError(text, key='--set solver.step', value=h)
 
 
 def _kept(

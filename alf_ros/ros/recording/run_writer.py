@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
@@ -11,7 +12,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from alf_ros.logs import journal, provenance
-from alf_ros.logs.rerun import Rerun
+from alf_ros.logs.resume import Resumed
 from alf_ros.logs.stamps import stamp_ns
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder, Split
@@ -24,6 +25,7 @@ from alf_ros.simulation.state import State
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
+_CLOSE = 2e-9  # s: stamps are whole nanoseconds
 _PLACE = ('step', 't', 'seal')  # of an entry, in its own journal
 # `~/energy` says the same in fewer bytes
 RECORDED = tuple(each.name for each in READINGS.values() if each is not ENERGY_PARTS)
@@ -158,13 +160,15 @@ class LogRun(RunWriter):
             raise OSError(self.recorder.error)
 
 
-def ticks(
-    run: RunWriter, rerun: Rerun, entries: list[dict[str, Any]], end: float
-) -> Iterator[float]:
-    """Make and write the ticks of `rerun` up to `end` (s), each entry of the journal at its time.
+def ticks(run: RunWriter, resumed: Resumed, end: float) -> Iterator[float]:
+    """Make and write the ticks of a resumed log up to `end` (s), each entry of its journal at its
+    time. A request ends a tick early: ticks end at the instants of the log that are a whole
+    number of steps.
 
     Yields the time (s) after each. Raises InputError, StepError.
     """
+    rerun, entries, instants = resumed.rerun, resumed.rest, iter(resumed.instants)
+    instant = next(instants, math.inf)
 
     def due(t: float) -> bool:
         return bool(entries) and entries[0]['t'] < t - 0.5 * rerun.simulation.h
@@ -179,7 +183,10 @@ def ticks(
     while True:
         while due(rerun.simulation.t + rerun.simulation.h):  # inputs from this instant
             act()
-        tick = min(rerun.simulation.t + run.setup.tick, end)
+        h = rerun.simulation.h
+        while instant < rerun.simulation.t + 0.5 * h or _is_between(instant, h):
+            instant = next(instants, math.inf)
+        tick = min(rerun.simulation.t + run.setup.tick, instant, end)
         if tick < rerun.simulation.t + 0.5 * rerun.simulation.h:
             return
         while due(tick):
@@ -187,3 +194,9 @@ def ticks(
         rerun.go_to(round(tick / rerun.simulation.h))
         run.send()
         yield rerun.simulation.t
+
+
+def _is_between(instant: float, h: float) -> bool:
+    """Whether a logged instant (s) lies between steps of h (s), as with steps that the log does
+    not have."""
+    return instant < math.inf and abs(instant - round(instant / h) * h) > _CLOSE

@@ -116,8 +116,7 @@ class Redriven:
         self.topics: Topics = self._run.topics
 
     def _begin(self, at: float) -> None:
-        resumed = resume(self._log, at, self._trust)
-        self._rerun, self._entries = resumed.rerun, resumed.rest
+        self._resumed = resumed = resume(self._log, at, self._trust)
         setup = Setup(resumed.rerun.scene, resumed.rerun.simulation, resumed.rerun.steps_per_tick)
         names = full_names() | (self._log.info.get('topics') or {})
         self._made.clear()
@@ -144,13 +143,13 @@ class Redriven:
         self._begin(float(self._log.time(max(stamp, self.first))))
         self._run.send()
         yield from self._taken()
-        for _ in ticks(self._run, self._rerun, self._entries, self._log.end):
+        for _ in ticks(self._run, self._resumed, self._log.end):
             yield from self._taken()
 
     @property
     def trouble(self) -> str:
         """Whether steps were too long on the way, and which would do; empty if not."""
-        return self._rerun.trouble
+        return self._resumed.rerun.trouble
 
     def _taken(self) -> list[StampedMessage]:
         taken, self._made[:] = list(self._made), []

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, argument_of
 from alf_ros.logs.input_faults import check_motion, checked_journal, shows_states
 from alf_ros.logs.log import Log, load
@@ -29,13 +30,15 @@ from alf_ros.studies.gradients.taped_run import TapedRun
 from alf_ros.studies.optimisation.folds import FOLDS, Folded, unit_of
 
 _SAME = 1e-9  # of the largest value: what differs by less does not jump
+_COARSE = 1e-3  # of the largest value: how far the number of half the samples may be off
+_FEW = 6  # samples of a polynomial: fewer tell nothing of those between them
 
 
 @dataclass(frozen=True)
 class Gradient:
     """`of`: the number, with its `value` and unit; `t`: the instant (s) that it belongs to, if it
     is one. `by`: its derivatives by numbers of the scene, per unit of each. `trouble`: steps of
-    the run that are too long, in words; or empty."""
+    the run that are too long, or samples too far apart, in words; or empty."""
 
     of: str
     value: float
@@ -158,6 +161,7 @@ def _gradient(
     trouble = simulation.sample().diagnostics.trouble
     t = np.array([instant.step for instant in samples]) * simulation.h
     found = fold(t, values, run.kinks)
+    trouble = trouble or _coarse(t, values, found, lambda *half: fold(*half, run.kinks))
     weights = {
         instant: weight
         for instant, weight in zip(samples, found.weights.tolist(), strict=True)
@@ -200,6 +204,26 @@ def _sampled(
             if (before.step - first) % every:
                 del found[before]
     return found
+
+
+def _coarse(t: Floats, y: Floats, found: Folded, fold: Callable[[Floats, Floats], Folded]) -> str:
+    """Whether a number of samples y (N,) at t (N,) s belongs to its polynomials more than to the
+    quantity, in words: half the samples give another one. Final values need no polynomial."""
+    kept = np.arange(t.size) % 2 == 0
+    kept[[0, -1]] = True
+    twice = np.flatnonzero(np.diff(t) == 0.0)  # both sides of an input
+    kept[twice] = kept[twice + 1] = True
+    is_sample = found.t == t[-1] and np.count_nonzero(found.weights) == 1
+    if is_sample or np.count_nonzero(kept) < _FEW:
+        return ''
+    half = fold(t[kept], y[kept])
+    size = float(np.abs(y).max()) * float(abs(found.weights).sum())
+    if abs(half.value - found.value) <= _COARSE * size:
+        return ''
+    return (
+        f'samples are too far apart for it: every second one gives {half.value:.6g}; take a '
+        'smaller `every`, or smaller steps'
+    )
 
 
 def _objective(
