@@ -9,9 +9,10 @@ tan² α).
 
 A wheel is a circle in space about an axle a. It touches with its lowest point,
 
-    r = -R (n - c a) / s,   c = n · a,   s = √(1 - c²)
+    r = -R (n - c a) / s,   c = κ n · a,   s = √(1 - c n · a)
 
-so that δ has R s in the place of R. It has no width. Lying on its face it rocks on its rim.
+so that δ has R s in the place of R. κ = 1 but for a millionth: within 1e-3 rad of lying on its
+face it does not rock from one side of its rim to the other at once. It has no width.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from alf_ros.effects.contract.scalars import (
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-_FLAT = 1e-12  # s² of a wheel that lies on its face
+_ROUND = 1.0 - 1e-6  # κ
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,9 @@ def _tilt(
                 weight = params[at + 9 + D + k] * params[at + 8 + b]
                 c += weight * u
                 turning += weight * ud
-        inverse = 1.0 / sqrt(max(_FLAT, 1.0 - c * c))
+        upright = c
+        c *= _ROUND
+        inverse = 1.0 / sqrt(1.0 - c * upright)
         fall = -c * turning * inverse
     return c, inverse, fall
 

@@ -1,9 +1,8 @@
 """Balls, wheels and points of a robot that touch fixed planes, as `ground_contact` knows them.
 
 A ball touches as it is, a capsule as the balls at its ends, a box as its eight corners, a cylinder
-that lies as the two circles at its ends: a plane touches no other place of them first. Of a
-cylinder that stands, an ellipsoid or a mesh no few points are the first to touch, so those are
-listed.
+as the two circles at its ends: a plane touches no other place of them first. Of an ellipsoid or a
+mesh no few points are the first to touch, so those are listed.
 """
 
 from __future__ import annotations
@@ -14,14 +13,9 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import GROUND, FixedPlane, GroundTouch, Robot
 from alf_ros.mechanism import VisualShape
 
-_STANDS = 0.7  # |n · a| as drawn above which a cylinder about a stands
 
-
-def _touching(
-    shape: VisualShape, normal: Floats
-) -> tuple[list[tuple[Floats, float]], Floats | None]:
-    """Centre (3,) and radius of each ball that touches a plane with this normal, m, 0 of a corner;
-    for wheels their axle (3,), unit.
+def _touching(shape: VisualShape) -> tuple[list[tuple[Floats, float]], Floats | None]:
+    """Centre (3,) and radius of each ball, m, 0 of a corner; for wheels their axle (3,), unit.
 
     Raises ValueError for a shape that is not made of a few.
     """
@@ -32,10 +26,7 @@ def _touching(
         radius, length = shape.size
         axle = turn[:, 2]
         ends = [(at + end * length * axle, radius) for end in (-0.5, 0.5)]
-        if shape.kind == 'capsule':
-            return ends, None
-        if abs(float(normal @ axle)) < _STANDS:
-            return ends, axle
+        return ends, axle if shape.kind == 'cylinder' else None
     if shape.kind == 'box':
         half = 0.5 * np.array(shape.size)
         signs = np.array(np.meshgrid(*(3 * [[-1.0, 1.0]]), indexing='ij')).reshape(3, -1).T
@@ -55,7 +46,7 @@ def touch(
     """Let a shape of a part, placed as drawn, touch a plane, see `GroundTouch`; list a shape that
     cannot."""
     try:
-        found, axle = _touching(shape, plane.normal)
+        found, axle = _touching(shape)
     except ValueError:
         robot.leave('contact of other shapes', f'{shape.kind} {name}')
         return

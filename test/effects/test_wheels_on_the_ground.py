@@ -118,7 +118,7 @@ def test_it_leans_and_turns_like_a_wheel_that_rolls() -> None:
 
 @pytest.mark.parametrize('lean', [0.0, 0.4, 1.2])
 def test_without_friction_it_keeps_its_energy(lean: float) -> None:
-    """It falls, is thrown back, and turns over."""
+    """It falls, is thrown back, and turns over, onto its face too."""
     scene = wheel(R + 0.05, lean, stiffness=1e4)
     sim = moving(scene, np.array([0.3, 0.0, 0.0]), np.array([0.5, 3.0, 0.2]))
     energy, lowest = sim.sample().energy, math.inf

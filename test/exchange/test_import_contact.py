@@ -234,13 +234,13 @@ def test_an_option_for_all_contact(tmp_path: Path) -> None:
 def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
     """Contact first, each with its consequence."""
     bodies = (
-        body('wheel', 'type="cylinder" size="0.1 0.02"', 1.0),
+        body('wheel', 'type="ellipsoid" size="0.1 0.1 0.02"', 1.0),
         body('leg', 'type="capsule" size="0.05 0.2" condim="4"', 0.2, 1.0),
     )
     text = read(tmp_path, world(*bodies))
     assert len(contacts(text)) == 2
     for line in (
-        'contact of other shapes: these pass through the ground: cylinder wheel_geom',
+        'contact of other shapes: these pass through the ground: ellipsoid wheel_geom',
         'contact between bodies: they pass through each other (2)',
         'contact as drawn: these are drawn in the ground, which pushes them out at the start: '
         'leg by 0.05 m',
@@ -386,3 +386,14 @@ def test_a_cart_rolls_on_cylinders_and_slides_on_its_caster(tmp_path: Path) -> N
     sim.step(300)
     gained = sim.sample().velocities['left_hinge_at'][0] - before
     assert gained == pytest.approx(0.3 * slope * 9.0 / (9.0 + 0.5), rel=1e-3)
+
+
+@pytest.mark.parametrize('lean', [0.0, 25.0])
+def test_a_cylinder_comes_to_rest_on_its_face(lean: float, tmp_path: Path) -> None:
+    """Its rim is rounded by 1e-3 rad, so it stands higher by R / 1000 than a point would."""
+    post = body('post', f'type="cylinder" size="{R} 0.1" euler="{lean} 0 0"', 0.2)
+    sim = Simulation(scene_from_text(read(tmp_path, world(post))))
+    sim.step(1500)
+    assert sim.sample().points['post_at'][2] == pytest.approx(
+        0.1 - depth(MASS * G) + 1e-3 * R, abs=1e-7
+    )
