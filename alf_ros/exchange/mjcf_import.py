@@ -146,7 +146,7 @@ class _Reader:
         mjcf_actuators.add(*given, names, self.joints, tendons)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
         mjcf_contacts.add(self.robot, mujoco, self.data, self.held)
-        if any(each.friction == math.inf for each in self.robot.touches):
+        if any(not 0.0 <= each.friction < math.inf for each in self.robot.touches):
             mjcf_nan.check_friction(Path(file))
         self._move()
         self._lift()

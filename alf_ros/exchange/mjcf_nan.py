@@ -1,5 +1,5 @@
 """Numbers of an MJCF that are NaN: MuJoCo warns, and takes some of them for absent ones; and
-coefficients of friction that are infinite, of which it says nothing.
+coefficients of friction that are infinite or negative, of which it says nothing.
 
 A mass of NaN, for example, becomes the one that follows from the density.
 """
@@ -35,17 +35,22 @@ def check(path: Path) -> None:
 
 
 def check_friction(path: Path) -> None:
-    """Refuse the first infinite coefficient of friction. Raises InputError."""
+    """Refuse the first coefficient of friction that is infinite or negative. Raises InputError."""
     for element in _elements(path, path.parent, set()):
-        if any(map(_is_infinite, element.get('friction', '').split())):
+        words = element.get('friction', '').split()
+        if any(map(_is_infinite, words)):
             raise _error(path, element, 'friction')
+        if any(map(_is_negative, words)):
+            raise _error(path, element, 'friction', 'a negative coefficient')
 
 
-def _error(path: Path, element: ElementTree.Element, key: str) -> InputError:
+def _error(
+    path: Path, element: ElementTree.Element, key: str, text: str = 'not a finite number'
+) -> InputError:
     name = element.get('name')
     at = f'{element.tag} {name}' if name else element.tag
     place, value = xml_file.place_of(element, str(path)), element.get(key)
-    return InputError('not a finite number', **place, key=f'{at}: {key}', value=value)
+    return InputError(text, **place, key=f'{at}: {key}', value=value)
 
 
 def _elements(path: Path, folder: Path, seen: set[Path]) -> Iterator[ElementTree.Element]:
@@ -72,5 +77,12 @@ def _is_nan(word: str) -> bool:
 def _is_infinite(word: str) -> bool:
     try:
         return math.isinf(float(word))
+    except ValueError:
+        return False
+
+
+def _is_negative(word: str) -> bool:
+    try:
+        return float(word) < 0.0
     except ValueError:
         return False

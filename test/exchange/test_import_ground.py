@@ -233,12 +233,17 @@ def test_a_plane_of_an_sdf_that_cannot_be(normal: str, message: str, tmp_path: P
         imported(path, contact=K)
 
 
-def test_infinite_friction_of_an_mjcf_has_its_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ('friction', 'message'), [('inf', 'not a finite number'), ('-0.3', 'a negative coefficient')]
+)
+def test_friction_of_an_mjcf_that_cannot_be_has_its_line(
+    friction: str, message: str, tmp_path: Path
+) -> None:
     pytest.importorskip('mujoco')
-    text = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+    text = f"""<mujoco><worldbody><geom type="plane" size="1 1 1" priority="-1"/>
 <body><freejoint/>
-<geom name="foot" size="0.1" friction="inf 0 0"/></body></worldbody></mujoco>"""
-    with pytest.raises(InputError, match='it.xml:3: geom foot: friction: not a finite number'):
+<geom name="foot" size="0.1" friction="{friction} 0 0"/></body></worldbody></mujoco>"""
+    with pytest.raises(InputError, match=f'it.xml:3: geom foot: friction: {message}'):
         imported(saved(tmp_path, 'it.xml', text), contact=K)
 
 
