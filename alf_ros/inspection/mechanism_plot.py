@@ -15,6 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.inspection.convex_outline import outline
 from alf_ros.inspection.joint_pen import PALE, JointPen, hatched
 from alf_ros.inspection.plot_axes import INK, Plane, Space
+from alf_ros.inspection.shape_edges import edges
 from alf_ros.inspection.soundness import Soundness
 from alf_ros.mechanism import Joint
 from alf_ros.mechanism.affine import Form
@@ -91,7 +92,8 @@ class Picture:
             )
             for sign in (1.0, -1.0)
         ]
-        them = np.vstack([them, points, *rims])
+        self.shapes = self._edges_of_shapes()
+        them = np.vstack([them, points, *rims, *(line for _, line in self.shapes)])
         if not np.ptp(them, axis=0).any():  # all at one place, as the joint of a pendulum
             heavy = [body for body in self.layout.bodies if body.mass > 0.0]
             coms = [self.value(self.layout.place(body.name, body.com)) for body in heavy]
@@ -107,6 +109,7 @@ class Picture:
         """Draw all of it."""
         self.canvas = canvas
         self.draw_way()
+        self.draw_shapes()
         self.draw_bodies()
         for point in self.model.mechanism.points:
             if point.fixed:
@@ -140,6 +143,25 @@ class Picture:
             for body in self.layout.bodies:
                 bar = self.singular[[self.layout.of_point[name] for name in body.points]]
                 self.canvas.line(bar, color=RED, linewidth=1.2, alpha=0.7, zorder=2)
+
+    def _edges_of_shapes(self) -> list[tuple[str, Floats]]:
+        """Colour and edges (k, D) of the shapes of bodies; shapes of the ground may be large."""
+        found, D = [], self.layout.dimension
+        for number, body in enumerate(self.layout.bodies):
+            shapes = self.model.mechanism.body[body.name].shapes
+            if not shapes or not self.layout.turns(body.name):
+                continue
+            origin = self.value(self.layout.place(body.name, (0.0,) * D))
+            axes = [self.value(self.layout.direction(body.name, tuple(e))) for e in np.eye(D)]
+            for shape in shapes:
+                for line in edges(shape):
+                    found.append((COLOURS[number % len(COLOURS)], origin + line[:, :D] @ axes))
+        return found
+
+    def draw_shapes(self) -> None:
+        """Their edges, pale."""
+        for colour, line in self.shapes:
+            self.canvas.line(line, color=colour, linewidth=0.7, alpha=0.45, zorder=2)
 
     def draw_bodies(self) -> None:
         """A bar between two points, a plate through more, from the place of a joint if it has one

@@ -71,9 +71,12 @@ class Space:
 
         self.axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
         wide = self.front and high[0] - low[0] > high[2] - low[2]
-        self.axes.set_box_aspect(high - low, zoom=1.2 if wide else 1.0)
+        box = high - low
+        if self.front:  # seen end on, the depth needs no room
+            box[1] = min(box[1], box[0], box[2])
+        self.axes.set_box_aspect(box, zoom=1.2 if wide else 1.0)
         self.axes.set_xlabel('x, m', labelpad=8)
-        self.axes.set_zlabel('z, m', labelpad=12)
+        self.axes.set_zlabel('z, m', labelpad=5 if self.front else 12)
         if not self.front:
             self.axes.set_ylabel('y, m', labelpad=8)
         for axis in (self.axes.xaxis, self.axes.yaxis, self.axes.zaxis):
