@@ -150,6 +150,15 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             importlib.import_module(path.stem)
 
 
+def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] | None:
+    """Name a test when it fails: a run that is stopped from outside has no summary."""
+    if not report.failed:
+        return None
+    if report.when in ('setup', 'teardown'):
+        return 'error', f'\nerror: {report.nodeid}\n', 'ERROR'
+    return 'failed', f'\nfailed: {report.nodeid}\n', 'FAILED'
+
+
 @pytest.fixture
 def peer() -> Iterator[Peer]:
     """A node in this process; what needs none imports no rclpy."""

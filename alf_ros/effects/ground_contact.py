@@ -163,7 +163,8 @@ def _tilt(
                 turning += weight * ud
         upright = c
         c *= _ROUND
-        inverse = 1.0 / sqrt(1.0 - c * upright)
+        # In a stage that is not yet projected the axle can be longer than 1.
+        inverse = 1.0 / sqrt(max(1.0 - _ROUND, 1.0 - c * upright))
         fall = -c * turning * inverse
     return c, inverse, fall
 

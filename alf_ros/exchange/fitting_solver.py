@@ -23,7 +23,6 @@ from alf_ros.effects.tendon import STOP
 from alf_ros.effects.tendon import Parameters as Tendon
 from alf_ros.effects.torsion_spring import Parameters as Spring
 from alf_ros.errors import AlfError, StepError
-from alf_ros.mechanism.affine import Form
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.accuracy import DEAR, OVERHEAD, WORK
 from alf_ros.simulation.simulation import Simulation
@@ -153,17 +152,13 @@ def _raised(simulation: Simulation, contact: Effect) -> list[Effect]:
     """With a plane that the contact presses as drawn."""
     p, layout = contact.parameters, simulation.model.layout
     q = simulation.state.q.reshape(-1, layout.dimension)
-
-    def drawn(form: Form) -> Floats:
-        return np.asarray(form.constant + sum(C @ q[block] for block, C in form.parts.items()))
-
     normal = np.array(p.normal or (*np.zeros(layout.dimension - 1), 1.0))
     normal /= np.linalg.norm(normal)
     radius = p.radius
     if p.axle:
-        axle = drawn(layout.direction(p.on, p.axle)) / np.linalg.norm(p.axle)
+        axle = layout.direction(p.on, p.axle).value(q) / np.linalg.norm(p.axle)
         radius *= math.sqrt(max(0.0, 1.0 - float(normal @ axle) ** 2))
-    through = drawn(place(layout, p.on, p.at)) - (radius - _DEPTH) * normal
+    through = place(layout, p.on, p.at).value(q) - (radius - _DEPTH) * normal
     return [replace(contact, parameters=replace(p, through=tuple(map(float, through))))]
 
 

@@ -128,6 +128,18 @@ def test_without_friction_it_keeps_its_energy(lean: float) -> None:
     assert lowest < R * math.cos(lean)
 
 
+def test_it_spins_on_its_face_with_long_steps() -> None:
+    """Stages that are not yet projected lengthen the axle; friction slows the spin alone."""
+    scene = wheel(0.0, math.pi / 2, stiffness=1e4, damping=1.0, friction=0.5)
+    scene['solver'] = {'integrator': 'esdirk43', 'step': 0.005}
+    sim = moving(scene, np.zeros(3), np.array([0.0, 0.0, 40.0]))
+    sim.step(100)
+    after = sim.sample()
+    assert np.linalg.norm(after.points['P'] - after.points['C']) == pytest.approx(1.0, abs=1e-9)
+    assert abs(after.points['C'][2]) < 0.01
+    assert np.isfinite(after.energy)
+
+
 @pytest.mark.parametrize(
     'axle, on, radius, told',
     [
