@@ -2,8 +2,9 @@
 
 Two geoms touch if a `pair` names them, or if the contype of one has a bit of the conaffinity of
 the other and no `exclude` names their bodies. The coefficient of friction is stated by the pair,
-or by the geom with the higher priority, or else the larger one counts. Margins move the plane up;
-the margins of two geoms add up, less their gaps.
+or by the geom with the higher priority, or else the larger one counts. A pair may state two, one
+for each direction: the smaller one counts. Margins move the plane up; the margins of two geoms add
+up, less their gaps.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.exchange import ground_touches
+from alf_ros.exchange import ground_touches, mjcf_switches
 from alf_ros.exchange.robot import GROUND, FixedPlane, FramePose, Robot
 from alf_ros.exchange.visuals import moved, shape
 from alf_ros.mechanism import VisualShape
@@ -25,11 +26,13 @@ _MANY = 2000  # geoms: of more, pairs of bodies are not looked for one by one
 
 @dataclass(frozen=True)
 class _Pair:
-    """How two geoms touch: coefficient of sliding friction, whether others matter too, margin."""
+    """How two geoms touch: coefficient of sliding friction, whether others matter too, margin, and
+    whether a second direction has another coefficient; then `friction` is the smaller one."""
 
     friction: float
     turning: bool
     margin: float
+    directed: bool = False
 
 
 def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
@@ -45,7 +48,7 @@ def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
         if part == GROUND:
             continue
         for plane in planes:
-            pair = _pair(model, geom, plane, _uses_gap(mujoco))
+            pair = _pair(mujoco, model, geom, plane)
             if pair is not None:
                 _touch(robot, mujoco, data, geom, part, plane, pair)
     for name in _obstacles(mujoco, model, held, planes):
@@ -88,14 +91,17 @@ def _uses_gap(mujoco: Any) -> bool:
     return bool(data.contact.includemargin[0] < model.geom_margin.max())
 
 
-def _pair(model: Any, one: int, other: int, used: bool) -> _Pair | None:
-    """None for two geoms that pass through each other; `used`: see `_uses_gap`."""
+def _pair(mujoco: Any, model: Any, one: int, other: int) -> _Pair | None:
+    """None for two geoms that pass through each other."""
+    used = _uses_gap(mujoco)
     for n in range(model.npair):
         if {int(model.pair_geom1[n]), int(model.pair_geom2[n])} == {one, other}:
-            friction = model.pair_friction[n]
+            along, across = map(float, model.pair_friction[n, :2])
             margin = float(model.pair_margin[n] - used * model.pair_gap[n])
             dims = int(model.pair_dim[n])
-            return _Pair(float(friction[0]) if dims > 1 else 0.0, dims > 3, margin)
+            if dims == 1:
+                return _Pair(0.0, False, margin)
+            return _Pair(min(along, across), dims > 3, margin, along != across)
     masks = model.geom_contype, model.geom_conaffinity
     if not masks[0][one] & masks[1][other] and not masks[0][other] & masks[1][one]:
         return None
@@ -109,7 +115,9 @@ def _pair(model: Any, one: int, other: int, used: bool) -> _Pair | None:
     margin = sum(
         float(model.geom_margin[each] - used * model.geom_gap[each]) for each in (one, other)
     )
-    return _Pair(friction if dims > 1 else 0.0, dims > 3, margin)
+    if dims == 1:
+        return _Pair(0.0, False, margin)
+    return _Pair(friction, dims > 3, margin, mjcf_switches.is_directed(mujoco, model))
 
 
 def _touch(
@@ -126,6 +134,8 @@ def _touch(
     frame = FramePose(data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3).copy())
     drawn = moved(found, frame)
     ground_touches.touch(robot, part, name, drawn, ground, pair.friction, pair.turning)
+    if pair.directed:
+        robot.leave('friction in two directions', name)
 
 
 def _shape(mujoco: Any, model: Any, geom: int) -> VisualShape | None:

@@ -50,12 +50,23 @@ def turn_off(mujoco: Any, model: Any) -> list[str]:
 
 def override(mujoco: Any, model: Any) -> None:
     """Give all geoms and pairs the friction and the margin that `<option>` has instead of theirs,
-    if its flag says so."""
-    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
-        slide, _, spin, roll, _ = friction = model.opt.o_friction
-        model.geom_friction[:], model.pair_friction[:] = (slide, spin, roll), friction
+    if its flag says so. Of two coefficients of sliding a geom gets the smaller one."""
+    if _is_overridden(mujoco, model):
+        along, across, spin, roll, _ = friction = model.opt.o_friction
+        model.geom_friction[:] = min(along, across), spin, roll
+        model.pair_friction[:] = friction
         model.geom_margin[:] = 0.5 * model.opt.o_margin  # those of two geoms add up
         model.pair_margin[:] = model.opt.o_margin
+
+
+def is_directed(mujoco: Any, model: Any) -> bool:
+    """Whether `<option>` gives all geoms another friction in a second direction."""
+    along, across = model.opt.o_friction[:2]
+    return _is_overridden(mujoco, model) and bool(along != across)
+
+
+def _is_overridden(mujoco: Any, model: Any) -> bool:
+    return bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE)
 
 
 def asleep(mujoco: Any, model: Any) -> list[int]:

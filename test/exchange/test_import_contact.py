@@ -231,6 +231,22 @@ def test_an_option_for_all_contact(tmp_path: Path) -> None:
         assert off.parameters.friction == (0.9 if more else 0.5)
 
 
+@pytest.mark.parametrize(('dims', 'friction', 'is_told'), [(3, 0.2, True), (1, 0.0, False)])
+def test_two_coefficients_of_a_pair_or_of_an_option(
+    dims: int, friction: float, is_told: bool, tmp_path: Path
+) -> None:
+    """MuJoCo has one for each direction; here the smaller one acts, and the report says so."""
+    for along, across in ((0.2, 0.9), (0.9, 0.2)):
+        pair = PAIR.replace('0.9 0.9', f'{along} {across}').replace('/>', f' condim="{dims}"/>')
+        option = f"""<option o_friction="{along} {across} 0 0 0"><flag override="enable"/></option>
+<default><geom condim="{dims}"/></default>"""
+        for more in (pair, option):
+            text = read(tmp_path, world(ball(R), more=more))
+            (found,) = contacts(text)
+            assert found.parameters.friction == friction
+            assert (f'{TWO}ball_geom\n' in text) == is_told
+
+
 def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
     """Contact first, each with its consequence."""
     bodies = (

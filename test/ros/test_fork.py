@@ -391,7 +391,14 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
         (['--at', '0.1', '--set', 'coupler.mas=1'], "did you mean 'mass'"),
         (['--at', '0.1', '--set', 'coupler.mass'], 'expected NAME=VALUE'),
         (['--at', '0.1', '--set', 'coupler.mass=-1'], 'mass'),
-        (['--at', '0.1', '--set', 'solver.step=7e-4'], 'solver.step|rate'),
+        (
+            ['--at', '0.1', '--set', 'solver.step=7e-4'],
+            'solver.step: the fork begins at t = 0.1 s, which is not a whole number of such steps',
+        ),
+        (
+            ['--at', '0.1', '--set', 'solver.step=5e-3'],
+            'solver.step: the log has ticks of 0.002 s, which are not a whole number of such',
+        ),
         (
             ['--at', '0.1', '--set', 'solver.formulation=canonical'],
             'does not fit the changed scene',

@@ -67,7 +67,7 @@ def fork(
     if changes:
         state = _change(rerun, changes, changed, warn)
     simulation = rerun.simulation
-    steps = steps_per_tick(1.0 / tick, simulation.h)
+    steps = _steps_in(tick, simulation.h)
     resumed.rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
     end = log.end if duration is None else start + duration
     if 'step' in changed:
@@ -169,7 +169,7 @@ def _change(
         if (turns != state.turns).any():
             state = state.moved(state.q, state.qd, turns)
         state = with_couplings_of(after.model, state, first)
-    after.restore(on_grid(state, before.h, after.h))
+    after.restore(_on_grid(state, before, after))
     found, q, qd = after.sample().diagnostics, state.q, state.qd
     is_open = max(found.position_violation, found.velocity_violation) > _OPEN * after.model.size
     if is_open:
@@ -187,6 +187,28 @@ def _change(
                 raise InputError(text, key='--set')
     rerun.scene, rerun.simulation = scene, after
     return after.state
+
+
+def _on_grid(state: State, before: Simulation, after: Simulation) -> State:
+    """The state for the steps of `after`. Raises InputError if none of these ends there."""
+    try:
+        return on_grid(state, before.h, after.h)
+    except InputError:
+        begin = f'the fork begins at t = {before.t:.9g} s'
+        text = f'{begin}, which is not a whole number of such steps'
+        raise InputError(text, key='--set solver.step', value=after.h) from None
+
+
+def _steps_in(tick: float, h: float) -> int:
+    """The steps of h (s) in a tick (s) of the log. Raises InputError if it is not a whole number.
+
+    A command that forks has no rate, which another message would name.
+    """
+    try:
+        return steps_per_tick(1.0 / tick, h)
+    except InputError:
+        text = f'the log has ticks of {tick:.9g} s, which are not a whole number of such steps'
+        raise InputError(text, key='--set solver.step', value=h) from None
 
 
 def _turns(before: Model, start: State, after: Model, q: Floats) -> Integers:
@@ -233,7 +255,7 @@ def _kept(
         if entry['kind'] == 'settings':
             tick = entry['steps_per_tick'] * entry['solver']['step']
             entry = {**entry, 'solver': {**entry['solver'], **own}}
-            entry['steps_per_tick'] = steps_per_tick(1.0 / tick, entry['solver']['step'])
+            entry['steps_per_tick'] = _steps_in(tick, entry['solver']['step'])
             left = {key: x for key, x in entry['effects'].items() if key not in effects}
             entry['effects'] = left
         kept.append(entry)
