@@ -113,6 +113,21 @@ def test_members_that_fail_are_rows_with_a_reason():
     assert np.isfinite(chunk.arrays['points.A'][0]).all()
 
 
+def test_a_long_reason_is_cut_between_words():
+    """A step of 0.0063 s that is advised must not end as one of 0.006 s."""
+    words = 'a step of 0.0063 s ' * 20
+
+    def verbose(run):
+        raise ValueError(words)
+
+    settings = {'duration': 0.01, 'period': 0.01, 'members': 1, 'outputs': [verbose]}
+    study = study_of('pendulum', {'solver.step': [1e-3]}, **settings)
+    (reason,) = run_chunk(study, 0).arrays['reason'].tolist()
+    whole, kept = f'function verbose: ValueError: {words}', reason.removesuffix(' …')
+    assert 190 < len(reason) <= 200 and kept != reason
+    assert whole.startswith(f'{kept} ')
+
+
 @pytest.mark.parametrize('workers', [0, 1])
 @pytest.mark.parametrize(
     'error, said', [(ValueError('too much'), 'too much'), (SystemExit(3), '3')]

@@ -17,6 +17,7 @@ from alf_ros.simulation.singular_passes import Pass
 from alf_ros.studies.ensemble.study import Study
 
 LONGEST_REASON = 200  # characters
+_CUT = ' …'  # behind the words of a longer one
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,15 @@ def trouble_of(study: Study, k: int) -> str:
 def failed(study: Study, reason: str) -> Member:
     """The row of a member that failed."""
     empty = tuple(np.full(variable.shape, math.nan) for variable in study.variables)
-    return Member(empty, printable(reason)[:LONGEST_REASON])
+    return Member(empty, _fitting(printable(reason)))
+
+
+def _fitting(reason: str) -> str:
+    """At most `LONGEST_REASON` characters, cut between words: half a number is another number."""
+    if len(reason) <= LONGEST_REASON:
+        return reason
+    kept = reason[: LONGEST_REASON - len(_CUT)]
+    return (kept.rpartition(' ')[0] or kept) + _CUT
 
 
 class _FunctionError(Exception):
