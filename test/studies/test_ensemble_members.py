@@ -120,7 +120,12 @@ def test_a_long_reason_is_cut_between_words():
     def verbose(run):
         raise ValueError(words)
 
-    settings = {'duration': 0.01, 'period': 0.01, 'members': 1, 'outputs': [verbose]}
+    settings: dict[str, Any] = {
+        'duration': 0.01,
+        'period': 0.01,
+        'members': 1,
+        'outputs': [verbose],
+    }
     study = study_of('pendulum', {'solver.step': [1e-3]}, **settings)
     (reason,) = run_chunk(study, 0).arrays['reason'].tolist()
     whole, kept = f'function verbose: ValueError: {words}', reason.removesuffix(' …')

@@ -206,6 +206,17 @@ def test_a_rolling_disk_keeps_what_cannot_be_integrated() -> None:
     assert len(model.states) == 5
 
 
+def test_eigenvalues_of_zero_but_for_rounding_have_no_damping() -> None:
+    """A coin that rolls round: it does so wherever it is, so two eigenvalues are zero."""
+    simulation = Simulation(load_scene('coin'))
+    for _ in range(3):
+        simulation.step(round(0.1 / simulation.h))
+        model = linearise(simulation)
+        assert np.abs(model.eigenvalues[:2]).max() < 1e-12 < np.abs(model.eigenvalues[2]).min()
+        assert model.frequencies[:2].tolist() == [0.0, 0.0]
+        assert np.isnan(model.damping_ratios).tolist() == [True] * 2 + [False] * 4
+
+
 def test_none_in_a_singular_position() -> None:
     upright = {'A': [0, 1], 'B': [0, 0]}
     scene = load_scene(

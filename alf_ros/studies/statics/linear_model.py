@@ -82,20 +82,29 @@ class LinearModel:
     @cached_property
     def _shown(self) -> list[int]:
         """One of each pair of eigenvalues, and all real ones."""
+        return [k for k, value in enumerate(self._rounded) if value.imag >= -self._nothing]
+
+    @cached_property
+    def _nothing(self) -> float:
+        """1/s: eigenvalues and imaginary parts of at most this size are rounding."""
+        return 1e-12 * float(np.abs(self.eigenvalues).max(initial=0.0))
+
+    @cached_property
+    def _rounded(self) -> NDArray[np.complex128]:
+        """The eigenvalues, zero where they are rounding: its sign would tell of a growth."""
         values = self.eigenvalues
-        nothing = 1e-12 * float(np.abs(values).max(initial=0.0))
-        return [k for k in range(values.size) if values[k].imag >= -nothing]
+        return np.where(np.abs(values) > self._nothing, values, 0.0)
 
     @property
     def frequencies(self) -> Floats:
         """(modes,) natural frequency |λ| / 2π of each mode, Hz: of an oscillation, and of a decay
         or growth without one its rate in the same unit."""
-        return np.abs(self.eigenvalues[self._shown]) / (2.0 * math.pi)
+        return np.abs(self._rounded[self._shown]) / (2.0 * math.pi)
 
     @property
     def damping_ratios(self) -> Floats:
         """(modes,) -Re λ / |λ|: 1 and more does not oscillate, less than 0 grows; NaN of λ = 0."""
-        values = self.eigenvalues[self._shown]
+        values = self._rounded[self._shown]
         with np.errstate(invalid='ignore', divide='ignore'):
             return np.asarray(-values.real / np.abs(values))
 
