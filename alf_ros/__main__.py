@@ -55,6 +55,9 @@ def run(name: str, arguments: list[str]) -> int:
         return 0
     if name not in COMMANDS:
         raise InputError('no such command', value=name, choices=COMMANDS)
+    # Before numpy is imported. Matrices here are small: threads of BLAS save no time, wait by
+    # spinning, and beside other work make a command many times slower.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     # rclpy reads its arguments there
     sys.argv = [f'alf_ros {name}', *arguments]
     code: int = importlib.import_module(COMMANDS[name]).main(arguments)

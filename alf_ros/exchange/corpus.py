@@ -96,9 +96,6 @@ def examined(
     folder: Path, wishes: Mapping[str, Any], limits: ExaminationLimits
 ) -> Iterator[Examined]:
     """Results of all files below a folder, imported with `wishes` (fields of `Wishes`)."""
-    os.environ.setdefault(
-        'OPENBLAS_NUM_THREADS', '1'
-    )  # matrices are small, and cores are for others
     context = multiprocessing.get_context('forkserver')
     context.set_forkserver_preload([__name__])
     first = context.Process(target=_compile, daemon=True)  # once, of any duration

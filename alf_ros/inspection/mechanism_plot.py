@@ -6,6 +6,8 @@ paths of points in the sweep are pale, and the first singular position is red.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +16,12 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.inspection.convex_outline import outline
 from alf_ros.inspection.joint_pen import PALE, JointPen, hatched
+from alf_ros.inspection.mesh_lines import MeshLines
+from alf_ros.inspection.mesh_triangles import read_meshes
 from alf_ros.inspection.plot_axes import INK, Plane, Space
 from alf_ros.inspection.shape_edges import edges
 from alf_ros.inspection.soundness import Soundness
-from alf_ros.mechanism import Joint
+from alf_ros.mechanism import Joint, VisualShape
 from alf_ros.mechanism.affine import Form
 from alf_ros.model.joints import type_of
 from alf_ros.paths import replacing
@@ -64,9 +68,49 @@ def draw(path: Path, found: Soundness) -> None:
     if len(picture.way):
         title += '\npale: where the points go'
         title += '; red: a singular position' if picture.singular is not None else ''
+    if picture.missing:
+        others = f', and {len(picture.missing) - 1} more' if picture.missing[1:] else ''
+        title += f'\nnot drawn: {picture.missing[0]}{others}'
     figure.suptitle(title, color=INK, fontsize=11)
     with replacing(path) as target:
         figure.savefig(target, dpi=110)
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """Of a body in the drawing: its origin (D,), m, and its axes in rows (D, D)."""
+
+    colour: str
+    origin: Floats
+    axes: Floats
+
+    def placed(self, places: Floats) -> Floats:
+        """(k, D) of places (k, 3) in the frame of the body, m."""
+        moved: Floats = self.origin + places[:, : len(self.origin)] @ self.axes
+        return moved
+
+
+@dataclass(frozen=True, eq=False)
+class _PlacedMesh:
+    """A mesh on its body."""
+
+    lines: MeshLines
+    shape: VisualShape
+    frame: _Frame
+
+    @property
+    def corners(self) -> Floats:
+        """(n, D) m, all its vertices."""
+        return self._placed(self.lines.places)
+
+    def seen(self, towards: Floats) -> Floats:
+        """(k, D) its lines for an eye in a direction, with rows of NaN between them."""
+        D = len(self.frame.origin)
+        inside = self.frame.axes @ towards if D == 3 else towards
+        return self._placed(self.lines.seen_along(self.shape.turn.T @ inside))
+
+    def _placed(self, places: Floats) -> Floats:
+        return self.frame.placed(np.array(self.shape.at) + places @ self.shape.turn.T)
 
 
 class Picture:
@@ -93,11 +137,11 @@ class Picture:
             for sign in (1.0, -1.0)
         ]
         self.shapes = self._edges_of_shapes()
-        them = np.vstack([them, points, *rims, *(line for _, line in self.shapes)])
-        if not np.ptp(them, axis=0).any():  # all at one place, as the joint of a pendulum
-            heavy = [body for body in self.layout.bodies if body.mass > 0.0]
-            coms = [self.value(self.layout.place(body.name, body.com)) for body in heavy]
-            them = np.vstack([them, *coms])
+        self.meshes = self._lines_of_meshes()
+        drawn = [line for _, line in self.shapes] + [mesh.corners for mesh in self.meshes]
+        heavy = [body for body in self.layout.bodies if body.mass > 0.0]
+        coms = [self.value(self.layout.place(body.name, body.com)) for body in heavy]
+        them = np.vstack([them, points, *rims, *drawn, *coms])
         middle, half = 0.5 * (them.max(axis=0) + them.min(axis=0)), 0.5 * np.ptp(them, axis=0)
         half = half if half.any() else np.full_like(half, _AROUND)
         bars = [np.linalg.norm(body.local[1]) for body in self.layout.bodies if body.local[1:]]
@@ -146,21 +190,41 @@ class Picture:
 
     def _edges_of_shapes(self) -> list[tuple[str, Floats]]:
         """Colour and edges (k, D) of the shapes of bodies; shapes of the ground may be large."""
-        found, D = [], self.layout.dimension
+        return [
+            (frame.colour, frame.placed(line))
+            for shape, frame in self._shapes()
+            for line in edges(shape)
+        ]
+
+    def _lines_of_meshes(self) -> list[_PlacedMesh]:
+        """Of all that can be read."""
+        found = [(shape, frame) for shape, frame in self._shapes() if shape.kind == 'mesh']
+        read, self.missing = read_meshes(shape.file for shape, _ in found)
+        return [
+            _PlacedMesh(MeshLines(read[shape.file], np.array(shape.size)), shape, frame)
+            for shape, frame in found
+            if shape.file in read
+        ]
+
+    def _shapes(self) -> Iterator[tuple[VisualShape, _Frame]]:
+        """Shapes of bodies that have axes, each with the frame of its body."""
+        D = self.layout.dimension
         for number, body in enumerate(self.layout.bodies):
             shapes = self.model.mechanism.body[body.name].shapes
             if not shapes or not self.layout.turns(body.name):
                 continue
             origin = self.value(self.layout.place(body.name, (0.0,) * D))
             axes = [self.value(self.layout.direction(body.name, tuple(e))) for e in np.eye(D)]
+            frame = _Frame(COLOURS[number % len(COLOURS)], origin, np.array(axes))
             for shape in shapes:
-                for line in edges(shape):
-                    found.append((COLOURS[number % len(COLOURS)], origin + line[:, :D] @ axes))
-        return found
+                yield shape, frame
 
     def draw_shapes(self) -> None:
         """Their edges, pale."""
-        for colour, line in self.shapes:
+        lines = self.shapes + [
+            (mesh.frame.colour, mesh.seen(self.canvas.towards)) for mesh in self.meshes
+        ]
+        for colour, line in lines:
             self.canvas.line(line, color=colour, linewidth=0.7, alpha=0.45, zorder=2)
 
     def draw_bodies(self) -> None:

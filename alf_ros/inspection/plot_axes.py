@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from alf_ros.arrays import Floats
 
 INK = '#22303c'
@@ -11,6 +13,8 @@ INK = '#22303c'
 
 class Plane:
     """Axes of two dimensions."""
+
+    towards = np.array([0.0, 0.0, 1.0])  # to the eye
 
     def __init__(self, axes: Any) -> None:
         self.axes = axes
@@ -44,6 +48,8 @@ class Space:
     def __init__(self, axes: Any, elevation: float, azimuth: float, title: str) -> None:
         self.axes, self.front = axes, elevation == 0.0
         axes.view_init(elevation, azimuth)
+        up, turn = np.radians(elevation), np.radians(azimuth)
+        self.towards = np.array([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
         axes.set_proj_type('ortho')
         axes.set_title(title, color=INK, fontsize=10)
 
@@ -74,7 +80,8 @@ class Space:
         box = high - low
         if self.front:  # seen end on, the depth needs no room
             box[1] = min(box[1], box[0], box[2])
-        self.axes.set_box_aspect(box, zoom=1.2 if wide else 1.0)
+        tall = box[2] > box[:2].max()  # its labels need room below
+        self.axes.set_box_aspect(box, zoom=1.2 if wide else 0.9 if tall else 1.0)
         self.axes.set_xlabel('x, m', labelpad=8)
         self.axes.set_zlabel('z, m', labelpad=5 if self.front else 12)
         if not self.front:

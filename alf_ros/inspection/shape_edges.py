@@ -14,7 +14,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def edges(shape: VisualShape) -> list[Floats]:
-    """Lines (k, 3) in the frame of the body, m; of a mesh none."""
+    """Lines (k, 3) in the frame of the body, m; of a mesh none (`mesh_lines`)."""
     lines: list[Floats] = []
     for part in shape.without_capsule:
         at = np.array(part.at)

@@ -158,6 +158,17 @@ def test_a_command_gets_its_arguments_and_gives_its_exit_code(command):
     assert seen == [(['--step', '1'], ['alf_ros try', '--step', '1'])]
 
 
+@pytest.mark.parametrize('given, used', [(None, '1'), ('3', '3')])
+def test_matrices_of_a_command_are_for_one_thread(command, monkeypatch, given, used):
+    """Unless the user says otherwise."""
+    monkeypatch.delenv('OPENBLAS_NUM_THREADS', raising=False)
+    if given is not None:
+        monkeypatch.setenv('OPENBLAS_NUM_THREADS', given)
+    seen = []
+    command(lambda _: seen.append(os.environ['OPENBLAS_NUM_THREADS']))
+    assert seen == [used]
+
+
 def test_a_reader_that_leaves_early_is_no_error():
     many = 'import sys; from alf_ros import __main__ as p; p.usage = lambda: "x" * 10**6;'
     code = many + 'sys.exit(p.main(["--help"]))'
