@@ -76,12 +76,15 @@ class Space:
         from matplotlib.ticker import MaxNLocator, NullLocator
 
         self.axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-        wide = self.front and high[0] - low[0] > high[2] - low[2]
         box = high - low
         if self.front:  # seen end on, the depth needs no room
             box[1] = min(box[1], box[0], box[2])
-        tall = box[2] > box[:2].max()  # its labels need room below
-        self.axes.set_box_aspect(box, zoom=1.2 if wide else 0.9 if tall else 1.0)
+        zoom = 1.0
+        if box[2] > box[:2].max():
+            zoom = 0.9  # labels below need room
+        elif self.front and box[0] > box[2]:
+            zoom = min(1.2, np.linalg.norm(box) / box[0])  # so that the width fits
+        self.axes.set_box_aspect(box, zoom=zoom)
         self.axes.set_xlabel('x, m', labelpad=8)
         self.axes.set_zlabel('z, m', labelpad=5 if self.front else 12)
         if not self.front:
