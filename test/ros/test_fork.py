@@ -401,7 +401,7 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
         ),
         (
             ['--at', '0.1', '--set', 'solver.formulation=canonical'],
-            'does not fit the changed scene',
+            'solver.formulation: cannot go on from a state of alf2.*got .*canonical',
         ),
         (['--at', '0.1', '--set', 'effects.gravity.acceleration.7=1'], 'no such place'),
         (['--at', '0.1', '--set', 'L=0'], 'L|points|length'),

@@ -155,6 +155,10 @@ def _change(
         state_vector.names(after.model, after.state),
     ]
     if names[0] != names[1]:
+        ways = before.solver.formulation, after.solver.formulation
+        if ways[0] != ways[1]:
+            text = f'cannot go on from a state of {ways[0]}, which holds other numbers'
+            raise InputError(text, key='--set solver.formulation', value=ways[1])
         raise InputError('the state of the log does not fit the changed scene', key='--set')
     if after.state.carried.size and scene.mechanism != rerun.scene.mechanism:
         text = f'{after.solver.formulation} cannot continue with another mechanism'

@@ -361,7 +361,7 @@ def _check(rest: Equilibrium) -> None:
     if not rest.has_stiffness:
         raise InputError(f'a path cannot begin here: {"; ".join(rest.notes)}', key='start')
     if not rest.stiffness.size:
-        raise InputError('nothing is free: there is one position', key='scene')
+        raise InputError('nothing is free: drives and loops decide each position', key='scene')
     if any('rows bind velocities only' in note for note in rest.notes):
         raise InputError('rows bind velocities only: positions of rest are no path', key='scene')
 
