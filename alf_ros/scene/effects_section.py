@@ -8,6 +8,7 @@ from types import ModuleType
 
 from alf_ros import effects
 from alf_ros.effects import Effect
+from alf_ros.effects.contract import user_file
 from alf_ros.errors import InputError
 from alf_ros.mechanism import Mechanism, Rotor, natural_coordinates
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -28,23 +29,44 @@ def read_effects(
     """
     reader = ParameterReader(cut.mechanism, numbers, references)
     found: list[Effect] = []
+    labels: set[str] = set()
     whole: dict[str, Entry] = {}
     for key, entry in section.mapping().items():
         kind, module = _module(key, entry, references)
+        if kind in whole:
+            raise entry.error('another path to an effect that is named above', value=key)
         one_of = getattr(module, 'ONE_OF', ())
         short = effects.short_name(kind)
         for name, instance in instances(short, entry, module.Parameters, module.MULTIPLE):
             values = reader.parameters(instance, module.Parameters)
-            try:
-                effect = Effect(kind, name, module.Parameters(**values))
-                module.pack([effect], cut)
-            except ValueError as error:
-                raise _error(instance, str(error)) from None
+            effect = _effect(kind, name, values, cut, instance)
+            if effect.label in labels:  # which powers, works and loads are called by
+                raise instance.error('another effect has this name', value=effect.label)
+            labels.add(effect.label)
             if one_of and all(instance.mapping().get(key, _NOTHING).is_null for key in one_of):
                 raise instance.error('has no effect', expected=f'one of {", ".join(one_of)}')
             found.append(effect)
         whole[kind] = reader.tables.without_files(entry)
     return tuple(found), as_entry(whole)
+
+
+def _effect(
+    kind: str, name: str, values: Mapping[str, object], cut: Layout, instance: Entry
+) -> Effect:
+    """An effect that fits the mechanism. Raises InputError: with the line of the scene about what
+    it says, with the line of the effect if its file fails."""
+    module = effects.load(kind)
+    try:
+        effect = Effect(kind, name, module.Parameters(**values))
+        packed = module.pack([effect], cut)
+    except ValueError as error:
+        raise _error(instance, str(error)) from None
+    except Exception as error:  # whatever somebody's file raises
+        if kind in effects.own():
+            raise
+        raise user_file.failure(error, module.__file__ or kind) from None
+    user_file.check_packed(packed, module.__file__ or kind)
+    return effect
 
 
 def _error(instance: Entry, message: str) -> InputError:

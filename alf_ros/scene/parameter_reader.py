@@ -23,6 +23,11 @@ from alf_ros.scene.text.number_table import Tables
 from alf_ros.scene.text.yaml_document import Entry
 
 _MISSING = dataclasses.MISSING
+KINDS = (
+    *('number', 'numbers', 'vector', 'spin', 'boolean', 'text', 'body', 'point', 'joint'),
+    *('coordinate', 'body or point', 'pair', 'place', 'places', 'path', 'factors', 'table'),
+    'signal',
+)
 
 
 def instances(name: str, entry: Entry, parameters: Any, multiple: bool) -> list[tuple[str, Entry]]:
@@ -109,6 +114,8 @@ class ParameterReader:
             return self.tables.table(entry, numbers)
         if kind == 'signal':
             return entry.number(numbers)
+        if kind != 'text' and kind not in self._known:
+            raise entry.error('a parameter of no kind', value=kind, choices=KINDS)
         return entry.text(self._known.get(kind, about.get('choices')))
 
     def _station(self, entry: Entry) -> tuple[str, str | tuple[float, ...] | None]:

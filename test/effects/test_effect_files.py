@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from alf_ros import InputError, Simulation, effects, load_scene
+from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.scene import scene_from_text
 from support.paths import ROOT
 
@@ -111,6 +112,11 @@ def test_text_of_a_scene_says_which_file(folder: Path) -> None:
         ('@contract.force', '', 'force is not compiled by @contract.force'),
         ('length**2, Q)', 'breadth**2, Q)', 'numba cannot compile it: .*breadth'),
         ('@dataclass(frozen=True)', '', 'Parameters is no dataclass'),
+        ('return measures.packed()', 'pass', 'pack returns no Packed'),
+        ('return measures.packed()', 'return layout', 'pack returns no Packed'),
+        ('measures = Measures(layout)', "{}['x']", r"magnet\.py:\d+: KeyError: 'x'"),
+        ("'kind': 'number'", "'kind': 'numbr'", r"strength: .*'numbr'; did you mean 'number'"),
+        ('    push(q', '    assert length > 0\n        push(q', r'magnet\.py:\d+: force raises'),
     ],
 )
 def test_what_is_no_effect_is_refused(folder: Path, old: str, new: str, message: str) -> None:
@@ -119,6 +125,38 @@ def test_what_is_no_effect_is_refused(folder: Path, old: str, new: str, message:
     with pytest.raises(InputError, match=message) as caught:
         load_scene(folder / 'orbit.yaml')
     assert '\n' not in str(caught.value)
+
+
+@pytest.mark.skipif(PLAIN, reason='nothing is compiled')
+def test_what_a_compiled_function_calls_must_not_raise(folder: Path) -> None:
+    """The run continued with part of the force."""
+    helper = '@shared\ndef law(x):\n    if x < 2.0:\n        raise ValueError\n    return x\n\n\n'
+    text = FILES['magnet.py'].replace('@contract.force', f'{helper}@contract.force')
+    text = text.replace('scalars import ', 'scalars import shared, ')
+    text = text.replace('/ length**2, Q)', '/ law(length) ** 2, Q)')
+    (folder / 'magnet.py').write_text(text, 'utf-8')
+    line = text[: text.index('        raise')].count('\n') + 1
+    with pytest.raises(InputError, match=rf'magnet\.py:{line}: force raises an exception'):
+        load_scene(folder / 'orbit.yaml')
+
+
+@pytest.mark.parametrize(
+    'other, message',
+    [
+        ('other/magnet.py', "another effect has this name, got 'magnet'$"),
+        ('./magnet.py', 'another path to an effect that is named above'),
+    ],
+)
+def test_effects_are_told_apart(folder: Path, other: str, message: str) -> None:
+    """Powers had one of two effects of a name; the text of a scene, one of two paths to a file."""
+    (folder / 'other').mkdir()
+    (folder / 'other/magnet.py').write_text(FILES['magnet.py'], 'utf-8')
+    scene, named = FILES['orbit.yaml'], '  magnet.py: {between: [Sun, P], strength: 8.0}\n'
+    assert named in scene
+    twice = scene.replace(named, named + named.replace('magnet.py', other))
+    (folder / 'orbit.yaml').write_text(twice, 'utf-8')
+    with pytest.raises(InputError, match=rf'orbit\.yaml:8: .*{message}'):
+        load_scene(folder / 'orbit.yaml')
 
 
 def test_no_such_file(folder: Path) -> None:

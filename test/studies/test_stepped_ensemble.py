@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copy
+import pickle
+import threading
 from typing import Any
 
 import numpy as np
 import pytest
 
-from alf_ros import Ensemble, InputError, Simulation, load_scene
+from alf_ros import BusyError, Ensemble, InputError, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.overrides import with_changes
@@ -95,7 +97,12 @@ def test_single_members_are_reset():
     assert np.array_equal(ensemble.reset(3), begin)
 
 
-@pytest.mark.parametrize('copied', [copy.copy, copy.deepcopy])
+def by_pickle(ensemble: Ensemble) -> Ensemble:
+    read: Ensemble = pickle.loads(pickle.dumps(ensemble))
+    return read
+
+
+@pytest.mark.parametrize('copied', [copy.copy, copy.deepcopy, by_pickle])
 def test_a_copy_moves_by_itself(copied: Any) -> None:
     vary = {'m': uniform(0.9, 1.1)}
     one, other = (Ensemble('slider_crank', 9, vary=vary, steps=5, **CRANK) for _ in range(2))
@@ -177,13 +184,48 @@ def test_refusals(settings, said):
 def test_inputs_of_another_shape_change_nothing() -> None:
     ensemble = Ensemble('slider_crank', 3, **CRANK)
     arrays = np.zeros(3), np.zeros((3, 2)), np.zeros((3, 1), complex)
-    for wrong in (*arrays, [[0.0], [np.nan], [0.0]], [[1j]] * 3, 'x', [[0.0], []]):
+    days = np.full((3, 1), np.datetime64('2020-01-01'))
+    others = [['1']] * 3, [[0.0], [np.nan], [0.0]], [[1j]] * 3, 'x', [[0.0], []]
+    for wrong in (*arrays, days, np.ma.masked_all((3, 1)), *others):
         with pytest.raises(InputError):
             ensemble.step(wrong)
     for which in (3, 'x', [True], 1.5, [[0.5]]):
         with pytest.raises(InputError, match='which: '):
             ensemble.reset(which)
     assert ensemble.t.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_efforts_are_held_until_others_are_given() -> None:
+    ensemble = Ensemble('slider_crank', 2, **CRANK)
+    with pytest.raises(ValueError, match='read-only'):
+        ensemble.efforts[:] = 5.0
+    ensemble.step(np.ones((2, 1)))
+    assert ensemble.efforts.tolist() == [[1.0], [1.0]]
+
+
+def test_two_threads_at_once_are_refused() -> None:
+    """Steps of two threads mixed their members without a word."""
+    ensemble = Ensemble('slider_crank', 64, steps=500, **CRANK)
+    together, refused = threading.Barrier(2), []
+
+    def steps() -> None:
+        together.wait()
+        for _ in range(4):
+            try:
+                ensemble.step()
+            except BusyError as error:
+                refused.append(str(error))
+
+    threads = [threading.Thread(target=steps) for _ in range(2)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join()
+    alone = Ensemble('slider_crank', 64, steps=500, **CRANK)
+    for _ in range(8 - len(refused)):
+        expected = alone.step()
+    assert not ensemble.failed
+    assert np.array_equal(ensemble.observe(), expected)
 
 
 def test_steps_too_long_for_some_are_said():

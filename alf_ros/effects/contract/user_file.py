@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import dataclasses
+import dis
 import hashlib
 import re
 import shutil
@@ -16,7 +17,9 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+import numpy as np
 from numba.core.errors import NumbaError
 
 from alf_ros import paths
@@ -149,10 +152,13 @@ def _executed(text: bytes, path: str, wanted: str) -> ModuleType:
         (said, *_) = [line for line in str(error).splitlines() if line.strip()][1:] or ['']
         raise InputError(f'numba cannot compile it: {said}', file=path) from None
     except (Exception, SystemExit) as error:  # whatever somebody's file raises
-        raise InputError(
-            f'{type(error).__name__}: {error}', file=path, line=_line(error, path)
-        ) from None
+        raise failure(error, path) from None
     return module
+
+
+def failure(error: BaseException, path: str) -> InputError:
+    """The error for an exception of somebody's file, with its line."""
+    return InputError(f'{type(error).__name__}: {error}', file=path, line=_line(error, path))
 
 
 def _line(error: BaseException, path: str) -> int | None:
@@ -163,6 +169,33 @@ def _line(error: BaseException, path: str) -> int | None:
             line = trace.tb_lineno
         trace = trace.tb_next
     return line
+
+
+def check_packed(packed: object, path: str) -> None:
+    """Raises InputError if compiled code cannot read what `pack` has returned."""
+    wanted = 'pack returns no Packed with flat arrays, slots of whole numbers and params of floats'
+    if not isinstance(packed, contract.Packed):
+        raise InputError(wanted, file=path)
+    for part, kind in ((packed.slots, 'i'), (packed.params, 'f')):
+        if not isinstance(part, np.ndarray) or part.ndim != 1 or part.dtype.kind != kind:
+            raise InputError(wanted, file=path)
+
+
+def _raising_line(function: Any, seen: set[Any]) -> tuple[str, int] | None:
+    """File and line where a function, or compiled ones that it calls, raises an exception. Nobody
+    would hear of it: the run would continue with part of the force."""
+    code, line = function.__code__, 0
+    if code in seen:
+        return None
+    seen.add(code)
+    lines = dict(dis.findlinestarts(code))
+    for instruction in dis.get_instructions(code):
+        line = lines.get(instruction.offset) or line
+        if instruction.opname == 'RAISE_VARARGS':
+            return code.co_filename, line
+    called = (getattr(function.__globals__.get(name), 'py_func', None) for name in code.co_names)
+    found = (_raising_line(each, seen) for each in called if each is not None)
+    return next((each for each in found if each is not None), None)
 
 
 def checked(module: ModuleType, file: str) -> ModuleType:
@@ -190,4 +223,12 @@ def checked(module: ModuleType, file: str) -> ModuleType:
     for name, wanted in asked:
         if hasattr(module, name) and getattr(getattr(module, name), 'signature', None) != wanted:
             raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
+    for name in ('force', 'potential', 'friction', 'tangent', 'side', 'interval'):
+        made = getattr(module, name, None)
+        written = (getattr(made, key, None) for key in ('_pyfunc', '_function', 'function'))
+        function = next((each for each in written if each is not None), None)
+        raised = None if function is None else _raising_line(function, set())
+        if raised is not None:
+            said = f'{name} raises an exception, which compiled code cannot: give NaN instead'
+            raise InputError(said, file=raised[0], line=raised[1])
     return module

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from alf_ros.errors import InputError
 from alf_ros.kernel.lanes.observing import JOINT, JOINT_RATE, PLACE, VELOCITY, Observing, observe
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.side_by_side import SideBySide, no_place
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.study_reading import study_of
@@ -36,9 +38,12 @@ class Ensemble:
     keywords of `Simulation`, as `step` (s) and `integrator`, an explicit one.
 
     A member has the bits of a Simulation alone. `copy.copy` makes an ensemble at the same states
-    that moves by itself. Raises InputError for what cannot be used,
-    AssemblyError if a member cannot be assembled.
+    that moves by itself, and so does `pickle`, in another process too. One thread at a time uses
+    it: a second one raises BusyError. Raises InputError for what cannot be used, AssemblyError if
+    a member cannot be assembled.
     """
+
+    _BOUND = '_together', '_params', '_joints', '_observing', '_first', '_lock'
 
     def __init__(
         self,
@@ -68,7 +73,7 @@ class Ensemble:
         self.inputs = check.texts(efforts, 'efforts')
         if len(set(self.inputs)) < len(self.inputs):
             raise InputError('a joint is named twice', key='efforts', value=list(self.inputs))
-        self.efforts = np.zeros((len(self._members), len(self.inputs)))
+        self._efforts = np.zeros((len(self._members), len(self.inputs)))
         self._together = self._side_by_side()
         if self._together.patterns > 1:
             raise InputError(_DIFFER, key='vary', value=list(vary or ()))
@@ -87,17 +92,31 @@ class Ensemble:
         self.observations = check.texts(observations, 'observations')
         self._observing = self._reading()
         self._bind()
+        self._lock = threading.Lock()
+
+    @by_one_thread
+    def __getstate__(self) -> dict[str, Any]:
+        # members stand in memory whose addresses the compiled step has: a copy has its own
+        saved = {name: value for name, value in vars(self).items() if name not in self._BOUND}
+        members = [self._simulation(k) for k in range(len(self))]
+        return {
+            **saved,
+            '_members': members,
+            '_efforts': self._efforts.copy(),
+            '_failed': self.failed,
+        }
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        vars(self).update(saved)
+        self._together = self._side_by_side()
+        self._params = self._own_params()
+        self._observing = self._reading()
+        self._bind()
+        self._lock = threading.Lock()
 
     def __copy__(self) -> Ensemble:
-        # members stand in memory whose addresses the compiled step has: a copy has its own
         other = type(self).__new__(type(self))
-        vars(other).update(vars(self))
-        other._members = [self.simulation(k) for k in range(len(self))]
-        other.efforts, other._failed = self.efforts.copy(), self.failed
-        other._together = other._side_by_side()
-        other._params = other._own_params()
-        other._observing = other._reading()
-        other._bind()
+        other.__setstate__(self.__getstate__())
         return other
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Ensemble:
@@ -190,6 +209,13 @@ class Ensemble:
         return np.array([each.t for each in self._members])
 
     @property
+    def efforts(self) -> Floats:
+        """(members, inputs) the efforts that are held, N m or N, to read: `step` gives others."""
+        held = self._efforts.view()
+        held.flags.writeable = False
+        return held
+
+    @property
     def failed(self) -> dict[int, str]:
         """The members whose steps have failed since they were reset, with the reasons. They stand
         at the end of their last whole step."""
@@ -199,10 +225,15 @@ class Ensemble:
     def trouble(self) -> dict[int, str]:
         """The members whose fixed steps are too long for their motion since they were reset, with
         `Diagnostics.trouble` of each. This reads a sample of every member."""
+        return self._trouble()
+
+    @by_one_thread
+    def _trouble(self) -> dict[int, str]:
         self._together.settle()
         said = {k: each.sample().diagnostics.trouble for k, each in enumerate(self._members)}
         return {k: text for k, text in said.items() if text}
 
+    @by_one_thread
     def step(self, inputs: ArrayLike | None = None) -> Floats:
         """`steps` steps of all members that have not failed, with these efforts (members, inputs)
         held; with those before if absent. Returns the observations (members, observations).
@@ -212,30 +243,35 @@ class Ensemble:
         if inputs is not None:
             try:
                 array = np.asarray(inputs)
-                if np.iscomplexobj(array):  # numpy would drop a part of them
+                # numpy would drop imaginary parts and masks, read text, and count days
+                if array.dtype.kind not in 'biufO' or np.ma.isMaskedArray(inputs):
                     raise TypeError
                 given = np.asarray(array, dtype=float)
             except (TypeError, ValueError):
                 raise InputError(
                     'no array of numbers', key='inputs', value=inputs, expected='real numbers'
                 ) from None
-            if given.shape != self.efforts.shape:
-                expected = f'shape {self.efforts.shape}'
+            if given.shape != self._efforts.shape:
+                expected = f'shape {self._efforts.shape}'
                 raise InputError('not usable', key='inputs', value=given.shape, expected=expected)
             if not np.isfinite(given).all():
                 raise InputError('not finite', key='inputs', value=float(given.sum()))
             self._give(given)
         for k, error in self._together.advance(self.steps, self._failed).items():
             self._failed[k] = str(error)
-        return self.observe()
+        return self._observe()
 
     def _give(self, efforts: Floats) -> None:
-        self.efforts[:] = efforts
+        self._efforts[:] = efforts
         for n, (places, units) in enumerate(self._unit_efforts):
             self._params[:, places] = efforts[:, n, None] * units
 
+    @by_one_thread
     def observe(self) -> Floats:
         """The observations (members, observations) now."""
+        return self._observe()
+
+    def _observe(self) -> Floats:
         observe(*self._first, self._joints[0], self._observing)
         return self._observing.numbers.copy()
 
@@ -248,6 +284,7 @@ class Ensemble:
         self._observing.phase[:] = [each._address for each in phases]
         self._first = problems[0], phases[0]
 
+    @by_one_thread
     def reset(self, which: Any = None) -> Floats:
         """Members back to their start, without efforts: all, or those that `which` selects, as an
         index of numpy does. Returns the observations."""
@@ -260,18 +297,21 @@ class Ensemble:
         for k in chosen:
             self._members[k].restore(self._begin[k])
             self._failed.pop(int(k), None)
-            self.efforts[k] = 0.0
-        self._give(self.efforts)
+            self._efforts[k] = 0.0
+        self._give(self._efforts)
         self._together.settle()
         self._bind()
-        return self.observe()
+        return self._observe()
 
+    @by_one_thread
     def simulation(self, k: int) -> Simulation:
         """A copy of member k, at its state and with the efforts that it is given: for all that a
         Simulation can be asked."""
+        return self._simulation(check.whole(k, 'k', 0, len(self._members) - 1))
+
+    def _simulation(self, k: int) -> Simulation:
         self._together.settle()
-        of = self._members[check.whole(k, 'k', 0, len(self._members) - 1)]
-        other = copy.copy(of)
-        for name, effort in zip(self.inputs, self.efforts[k].tolist(), strict=True):
+        other = copy.copy(self._members[k])
+        for name, effort in zip(self.inputs, self._efforts[k].tolist(), strict=True):
             other.apply_effort(name, effort)
         return other
