@@ -24,6 +24,7 @@ from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
 from alf_ros.kernel.status import (
     COLLAPSED,
+    FORCE_JUMPS,
     JAMMED,
     NOT_CLOSED,
     NOT_POSITIVE,
@@ -189,11 +190,14 @@ def advance_adaptively(
                     goal, begun = done + part * dt, True
                     continue
             if error <= floor and is_accompanied(problem):
-                part = part_to_kink(problem, phase, begin, dt)
+                part = part_to_kink(problem, phase, begin, dt, h)
                 length = shorter(part, dt, h)
                 if length < dt:
                     goal, begun = done + length, True
                     continue
+                if part < 0.0:
+                    result = FORCE_JUMPS
+                    break
                 since = passed(since, part, dt)
                 if since > 0.0:
                     goal = next_aim(done + dt, since, h)

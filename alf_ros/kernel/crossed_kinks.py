@@ -7,6 +7,9 @@ second order or less. So such a step is taken in pieces: towards the crossing, e
 across, and behind it they grow, as slopes may change fast beside a crossing. The place of the
 crossing is read from the motion between the ends of a step, as for kinks that are met and left
 (`grazed_kinks`), in shorter and shorter steps.
+
+A force that jumps there would leave the derivatives an error of the size of the jump, which nobody
+would see. So both sides are compared in the piece that goes across, and such a run ends.
 """
 
 from __future__ import annotations
@@ -16,10 +19,11 @@ from typing import Any
 
 from numba import types
 
-from alf_ros.kernel.applied_forces import sides
+from alf_ros.kernel.applied_forces import add_one, sides
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.grazed_kinks import end_in_arcs, keep_end, place, restore_end
-from alf_ros.kernel.numba_ext.jit import by_address, inlined, inner
+from alf_ros.kernel.numba_ext.jit import ONE, by_address, inlined, inner
+from alf_ros.kernel.numba_ext.vectors import largest, zero
 
 CROSSINGS = 400  # pieces of a step, at most
 _TINY = 1e-9  # of a step of the grid
@@ -28,11 +32,14 @@ _GROWS = 3.0  # times the time since the crossing
 _EARLY = 0.25  # part of a step: a crossing in it is looked for again in a shorter one,
 _AGAIN = 3.0  # so many times as long as the way to it
 _HALVINGS = 44
+_JUMPS = 1e-6  # of the forces: what is more is no rounding
+_FELT = 1e-9  # of the force that would stop the motion within a step of the grid
 
 
-def crossed(problem: Problem, phase: Phase, t: float, h: float) -> float:
+def crossed(problem: Problem, phase: Phase, t: float, h: float, whole: float) -> float:
     """The part of the step of h (s) from `phase` at t (s), which ended in `work`, at which the
-    motion has come to the other side of a kink; 1 if it stays.
+    motion has come to the other side of a kink; 1 if it stays, -1 if a force jumps there: its
+    number stands in `work.divider` then. whole: the step of the grid, s.
 
     Needs q, q̇ of the end and the rates of the stages in `work`. Leaves q and q̇ there.
     """
@@ -52,15 +59,40 @@ def crossed(problem: Problem, phase: Phase, t: float, h: float) -> float:
             low = part
         else:
             high = part
+    jumps = h <= 2.0 * _TINY * whole and _one_jumps(problem, phase, t, h, whole, low, high)
     restore_end(problem)
-    return min(high, 1.0 - 1e-12)
+    return -1.0 if jumps else min(high, 1.0 - 1e-12)
+
+
+@inner
+def _one_jumps(
+    problem: Problem, phase: Phase, t: float, h: float, whole: float, low: float, high: float
+) -> bool:
+    """Whether a force is another one at two parts of a step, at one instant."""
+    effects, work = problem.forces.effects, problem.work
+    before, behind = work.delta, work.given
+    n = work.p.size
+    felt = _JUMPS * largest(work.Q, n) + _FELT * largest(work.p, n) / whole
+    for e in range(effects.side.size):
+        if effects.side[e] != 0:
+            zero(before)
+            zero(behind)
+            place(problem, phase, t, h, low, 1.0)
+            add_one(effects, e, t, work.q, work.qd, work.near, before)
+            place(problem, phase, t, h, high, 1.0)
+            add_one(effects, e, t, work.q, work.qd, work.near, behind)
+            for i in range(n):
+                if abs(behind[i] - before[i]) > felt:
+                    work.divider[ONE] = e
+                    return True
+    return False
 
 
 @cache
 def divider(dimension: int) -> Any:
     """The compiled function for 2 or 3 dimensions; its `address` is what `Work` holds."""
     structs = Problem._numba_type(dimension), Phase._numba_type()
-    return by_address(types.float64(*structs, types.float64, types.float64))(crossed)
+    return by_address(types.float64(*structs, *(3 * (types.float64,))))(crossed)
 
 
 @inlined

@@ -15,7 +15,7 @@ from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
-from alf_ros.kernel.status import NOT_POSITIVE, OK, STOPPED
+from alf_ros.kernel.status import FORCE_JUMPS, NOT_POSITIVE, OK, STOPPED
 from alf_ros.kernel.step import (
     accept,
     least_sigma,
@@ -69,12 +69,14 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
             if result == OK and is_accompanied(problem):
-                part = part_to_kink(problem, phase, begin, dt)
+                part = part_to_kink(problem, phase, begin, dt, h)
                 length = shorter(part, dt, h)
                 if length < dt and cuts < CROSSINGS:
                     aim, cuts, begun = done + length, cuts + 1, True
                     continue
                 since = passed(since, part, dt)
+                if part < 0.0:
+                    result = FORCE_JUMPS
             if result == OK:
                 near = kinks.near[0] if kinks.search.size > 0 else 0.0
                 result = judge(unit, system, problem.method, work, dt, h, near)

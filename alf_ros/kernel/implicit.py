@@ -52,6 +52,7 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.singularity_monitor import is_watched, may_have_passed
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import (
+    FORCE_JUMPS,
     JAMMED,
     NOT_CLOSED,
     NOT_POSITIVE,
@@ -351,11 +352,14 @@ def advance_implicitly(
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
             if good and is_accompanied(problem):
-                part = part_to_kink(problem, phase, begin, dt)
+                part = part_to_kink(problem, phase, begin, dt, h)
                 length_to = shorter(part, dt, h)
                 if length_to < dt and crossings < CROSSINGS:
                     goal, crossings = done + length_to, crossings + 1
                     continue
+                if part < 0.0:
+                    result = FORCE_JUMPS
+                    break
                 since = passed(since, part, dt)
                 if since > 0.0:
                     goal = next_aim(done + dt, since, h)

@@ -73,6 +73,11 @@ class Status(IntEnum):
         'the rate of a drive jumps in the step, which takes an infinite force',
         'round the corners of its motion, or give it as a table',
     )
+    FORCE_JUMPS = (
+        13,
+        'a force jumps where it comes to another branch, and derivatives end there',
+        'give it a law that is continuous, or run it without derivatives',
+    )
     # of the formulations besides alf2
     SINGULAR = 20, 'the equations are singular there', 'take the formulation alf2'
     OPENED = 21, 'the constraints have opened', _SMALLER
@@ -97,6 +102,7 @@ STOPPED = int(Status.STOPPED)
 UNFOLLOWED = int(Status.UNFOLLOWED)
 NO_ROOM = int(Status.NO_ROOM)
 DRIVE_JUMPS = int(Status.DRIVE_JUMPS)
+FORCE_JUMPS = int(Status.FORCE_JUMPS)
 SINGULAR = int(Status.SINGULAR)
 OPENED = int(Status.OPENED)
 FOLDED = int(Status.FOLDED)

@@ -102,6 +102,7 @@ class Stepper:
         self.work = allocate(self._model, self.system, method.b.size)
         self.listener = Listener(self.work)
         self._aside: Work | None = None
+        self._divider = np.zeros(2, dtype=np.uint64)  # as in `Work`
         self._following = following
         self._behind: Work | None = None  # of tangents
         self._tangents: dict[bool, tuple[Problem, Tangents]] = {}  # of the run, and aside
@@ -258,11 +259,12 @@ class Stepper:
         fills. `good`: memory for tangents at the last point of the grid."""
         companion = np.array([code, address_of(by)], dtype=np.uint64)
         kinks = problem.forces.effects.side.size > 0
-        found = [divider(self._model.layout.dimension).address] if kinks else []
+        if kinks:
+            self._divider[0] = divider(self._model.layout.dimension).address
         work = changed(
             problem.work,
             companion=companion,
-            divider=np.array(found, dtype=np.uint64),
+            divider=self._divider if kinks else self._divider[:0],
             good_tangents=good,
         )
         return changed(problem, work=work)
@@ -307,6 +309,9 @@ class Stepper:
         t = present.step * self.h
         if status == Status.DRIVE_JUMPS:
             return StepError(f'{self._jump}, which takes an infinite force', status.remedy, t)
+        if status == Status.FORCE_JUMPS:
+            effect = present.applied.effects[int(self._divider[1])]
+            return StepError(f'{status.reason}: {effect.label}', status.remedy, t)
         found = beyond_reach(self._model, present.phase.q, t, self.h)
         if found is None and self.formulation:
             found = self.formulation.failure(status)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from alf_ros import Scene, Simulation, gradient, load_scene
+from alf_ros import Scene, Simulation, StepError, gradient, load_scene
 from support.recordings import changed
 
 DURATION = 1.2  # s
@@ -90,3 +91,73 @@ def test_pieces_do_not_move_the_motion() -> None:
         for simulation in (followed, plain):
             simulation.step(round(0.9 / simulation.h))
         assert np.abs(followed.state.q - plain.state.q).max() < off
+
+
+SNAP = '''"""A torque on a joint that is another one beyond a position."""
+
+from dataclasses import dataclass, field
+
+from alf_ros.effects import contract
+from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'joint', 'doc': 'its joint'})
+    torque: float = field(metadata={'kind': 'number', 'unit': 'N m', 'doc': 'before'})
+    behind: float = field(metadata={'kind': 'number', 'unit': 'N m', 'doc': 'beyond the position'})
+
+
+def pack(effects, layout):
+    measures = Measures(layout)
+    for effect in effects:
+        measures.add_coordinate(effect.parameters.joint)
+        measures.give([effect.parameters.torque, effect.parameters.behind])
+    return measures.packed()
+
+
+@contract.force
+def force(t, q, qd, near, slots, params, Q):
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        x, _ = scalar(q, qd, near, slots, params, n)
+        if x < -0.8:
+            push(q, slots, params, n, params[at + 1], Q)
+        else:
+            push(q, slots, params, n, params[at], Q)
+
+
+@contract.side
+def side(t, q, qd, near, slots, params):
+    x, _ = scalar(q, qd, near, slots, params, 0)
+    return 1.0 if x < -0.8 else 0.0
+'''
+
+
+@pytest.mark.parametrize('behind', [3.0, 3.001, 2.0])
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43'])
+def test_a_force_that_jumps_has_no_derivatives(
+    behind: float, integrator: str, tmp_path: Path
+) -> None:
+    """It is named where it jumps, and is none if both torques are one."""
+    file = tmp_path / 'snap.py'
+    file.write_text(SNAP, 'utf-8')
+    numbers = {'joint': 'pin', 'torque': 3.0, 'behind': behind}
+    EFFECTS['snap'] = {str(file): {'snap': numbers}}
+    scene = pendulum('snap')
+    settings = {'step': 0.01, 'integrator': integrator}
+    after = Simulation(scene, **settings)
+    after.step(100)
+    assert after.sample().joints['pin'].position < -0.9
+    simulation = Simulation(scene, tangents=['m'], **settings)
+    if behind == 3.0:
+        simulation.step(100)
+        return
+    said = 'a force jumps where it comes to another branch, and derivatives end there: snap'
+    with pytest.raises(StepError, match=said):
+        simulation.step(100)
+    assert -0.8 < simulation.sample().joints['pin'].position < -0.6
+    with pytest.raises(StepError, match=said):
+        gradient(Simulation(scene, **settings), 'final(pin.position)', ['m'], 1.0)
