@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         passive = len(closure.joint_names) - len(closure.active)
         status.say(
             f'running: {closure.model.mechanism.name}, {len(closure.active)} active and {passive} '
-            f'passive joints; active ones on {INPUT}'
+            f'passive joints; active ones on {node.input}'
         )
         spin(node)
         status.say(f'stopped after {node.postures} postures')

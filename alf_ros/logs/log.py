@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -207,9 +208,13 @@ class Log:
         for key, full in known.items():
             if name in (key, key.rpartition('/')[2]):
                 return full
-        node = next((f for k, f in known.items() if k == '~/energy'), '/simulator/energy')
-        private = f'{node.rpartition("/")[0]}/{name.rpartition("/")[2]}'
+        private = f'{self.node}/{name.rpartition("/")[2]}'
         return private if name.startswith('~/') else f'/{name}'
+
+    @property
+    def node(self) -> str:
+        """The full name of the simulator."""
+        return node_of(self.info.get('topics', {}))
 
     def pieces(
         self,
@@ -308,6 +313,16 @@ class Log:
         head = ('topic', 'type', 'messages')
         topics = html_table.table(head, rows, len(survey.counts))
         return ''.join([*parts, html_table.pairs(about), topics])
+
+
+def node_of(topics: Mapping[str, str]) -> str:
+    """The full name of the simulator whose `topics` these are, by the name a user writes.
+
+    Any of them may be remapped: most of its own are below its name.
+    """
+    own = ((name[1:], full) for name, full in topics.items() if name.startswith('~/'))
+    nodes = Counter(full.removesuffix(key) for key, full in own if full.endswith(key))
+    return nodes.most_common(1)[0][0] if nodes else '/simulator'
 
 
 _READ_TO_SHOW = 100_000_000  # bytes

@@ -118,7 +118,7 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         talker = peer.talk(INPUT, JointState)
         peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
         peer.until(lambda: reports, 'a report')
-        assert values(reports[0], 'loops')[1] == f'waiting for guide on {INPUT[1:]}'
+        assert values(reports[0], 'loops')[1] == f'waiting for guide on {INPUT}'
 
         # the rods have 1 m each: the guide is at 2 cos(crank)
         sent, ns = [], 1_000_000_000
@@ -217,6 +217,27 @@ def test_messages_without_stamps_have_the_time_of_arrival(tmp_path: Path, peer: 
         assert [each.header.stamp.sec for each in joints] == [0, 0, 0, 0, 10**9, 0, 10**9]
         assert [each.position[2] for each in joints] == pytest.approx(sent)
         assert node.stop() == 0, node.output
+
+
+def test_a_remapped_node_says_where_it_listens(tmp_path: Path, peer: Peer) -> None:
+    """It named a topic that nobody heard, and two nodes in namespaces had one name in reports."""
+    rules = ['__ns:=/left', 'active_joint_states:=encoders', '~/diagnostics:=/diagnostics']
+    remaps = [word for rule in rules for word in ('-r', rule)]
+    with ClosingProcess(tmp_path, '--active', 'guide', '--ros-args', *remaps) as node:
+        reports = peer.listen('/diagnostics', DiagnosticArray)
+        peer.until(lambda: reports, 'a report')
+        assert [each.name for each in reports[0].status] == [
+            'left/close: loops',
+            'left/close: input',
+        ]
+        assert reports[0].status[0].message == 'waiting for guide on /left/encoders'
+        joints = peer.listen('/left/joint_states', JointState)
+        talker = peer.talk('/left/encoders', JointState)
+        peer.until(lambda: peer.node.count_publishers('/left/joint_states'), 'joint_states')
+        talker.publish(message(10**9, guide=1.4))
+        peer.until(lambda: joints, 'a posture')
+        assert node.stop() == 0, node.output
+        assert 'active ones on /left/encoders' in node.output
 
 
 def test_names_may_be_exchanged() -> None:

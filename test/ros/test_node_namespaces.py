@@ -1,5 +1,6 @@
-"""Two simulators on one machine, each in a namespace, do not disturb each other."""
+"""Simulators in namespaces, and with topics of other names."""
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -11,6 +12,10 @@ from visualization_msgs.msg import MarkerArray
 
 from alf_ros import load_scene
 from alf_ros.exchange.urdf_export import urdf
+from alf_ros.logs import comparison
+from alf_ros.logs.log import load
+from alf_ros.logs.report.gather import gather
+from alf_ros.ros.recording.fork import fork
 from support.ros_node import SimulatorProcess, journal, read_log, wrench
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -77,3 +82,28 @@ def test_two_simulators_in_namespaces(tmp_path, peer):
         return [e for e in journal({'/simulator/inputs': log[topic]}) if e['kind'] == 'wrench']
 
     assert [entry['frame'] for entry in commands(left)] == ['body'] and commands(right) == []
+
+
+@pytest.mark.parametrize(
+    'renamed',
+    [
+        ['~/inputs:=/journal', '~/scene:=scene_text'],
+        ['~/energy:=/E', '/diagnostics:=diag', 'joint_states:=/all'],
+    ],
+)
+def test_a_log_of_remapped_topics_is_the_log_of_its_run(renamed, tmp_path):
+    """Such logs were said to be not as written: the names of some topics were guessed."""
+    remaps = [word for rule in ('__ns:=/left', *renamed) for word in ('-r', rule)]
+    with SimulatorProcess(tmp_path, '--duration', '1.2', '--ros-args', *remaps) as node:
+        assert node.wait() == 0, node.output
+    log = load(node.logs[0].parent)
+    assert log.node == '/left/simulator'
+    targets = {rule.partition(':=')[2] for rule in renamed}
+    names = {target if target[0] == '/' else f'/left/{target}' for target in targets}
+    assert names <= log.survey.counts.keys()
+    found = comparison.compare(log)
+    assert found.equal and not found.faults, found
+    assert 'solver' in gather(log).reports.levels
+    child = load(fork(log, 0.5, {'crank.mass': '2'}, tmp_path / 'forks'))
+    assert comparison.compare(child).equal
+    assert child.inputs and child.topic('~/inputs') == log.topic('~/inputs')

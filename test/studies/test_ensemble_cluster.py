@@ -90,6 +90,18 @@ def test_what_a_worker_cannot_do_is_one_line(
     )
 
 
+def test_a_worker_with_other_code_is_named(
+    study: Study, here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of hundreds of workers, nobody knew which one to mend."""
+    made_of = iter([{'numpy': '2.0'}, {'numpy': '1.0'}])  # here, and on the worker
+    monkeypatch.setattr(cluster, '_made_of', made_of.__next__)
+    here.scale(1)
+    said = r'the worker tcp://127\.0\.0\.1:\d+ has another version'
+    with pytest.raises(InputError, match=said):
+        list(cluster.Cluster(here.scheduler_address).chunks(study, [0]))
+
+
 def test_members_that_kill_their_workers_are_named(
     study: Study, here: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

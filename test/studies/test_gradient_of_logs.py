@@ -105,6 +105,34 @@ def test_an_input_that_begins_jumps(begin: int, integrator: str, tmp_path: Path)
             assert found.unit == unit
 
 
+@pytest.mark.parametrize('every', [1, 3, 7])
+def test_a_kink_where_an_input_changes(every: int, tmp_path: Path) -> None:
+    """The effort turns round at t1: the velocity has its peak there, (m / 3) v = 1.5 t1. A
+    polynomial went across it, and its peak was higher."""
+    step, turn, ticks = 2e-3, 13, 40
+    scene = load_scene({**ARM, 'solver': {'step': step, 'integrator': 'rk4'}})
+    run = LogRun(tmp_path, settings.made(scene, {}))
+    simulation = run.setup.simulation
+    run.send()
+    for tick in range(ticks):
+        if tick in (0, turn):
+            effort = 1.5 if tick == 0 else -3.0
+            simulation.apply_effort('pin', effort)
+            run.note({'kind': 'effort', 'cause': 'command', 'name': 'pin', 'effort': effort})
+        simulation.step(run.setup.steps)
+        run.send()
+    run.close()
+    length = run.setup.steps * step
+    t, rest = turn * length, (ticks - turn) * length
+    peak = 4.5 * t
+    area = 0.5 * peak * t + peak * rest - 4.5 * rest**2
+    for of, value in (('max(pin.velocity)', peak), ('integral(pin.velocity)', area)):
+        found = gradient(run.recorder.folder, of, ['bar.mass'], every=every)
+        assert found.value == pytest.approx(value, rel=1e-9)
+        assert found.by['bar.mass'] == pytest.approx(-value, rel=1e-9)
+        assert not found.trouble
+
+
 def test_a_log_of_a_step_and_of_none(tmp_path: Path) -> None:
     """A fork may be shorter than a tick: (m / 3) v' = 1.5 N m with the first v given."""
     scene = load_scene({**ARM, 'solver': {'step': 1e-3, 'integrator': 'rk4'}})

@@ -67,7 +67,7 @@ class Gathered:
 def gather(log: Log, report: progress.Report = progress.silent) -> Gathered:
     """Go through a log once."""
     found, survey = Gathered(), Survey()
-    node = log.topic('~/energy').rpartition('/')[0]
+    node = log.node
     found.reports.task = f'{node}: '.lstrip('/')
     known = {
         log.topic('joint_states'): (_joints, ()),

@@ -57,8 +57,9 @@ _SPECS = (
 class CloseNode(Node):
     """The node `close`: a posture for each message on `active_joint_states`, with its stamp.
 
-    `finished` is done when `stop` was called. Raises InputError for parameters that cannot be
-    used, AssemblyError for a mechanism that cannot be closed.
+    `finished` is done when `stop` was called; `input`: where it listens, after remapping. Raises
+    InputError for parameters that cannot be used, AssemblyError for a mechanism that cannot be
+    closed.
     """
 
     def __init__(self, given: list[Parameter], status: StatusLine) -> None:
@@ -94,7 +95,8 @@ class CloseNode(Node):
             self._transforms = transforms(self.closure.model, display)
         self._prepare()
         self.closure.restart()
-        self.create_subscription(JointState, INPUT, self._on_input, 10)
+        heard = self.create_subscription(JointState, INPUT, self._on_input, 10)
+        self.input = heard.topic_name
         self.add_post_set_parameters_callback(self._on_parameters)
         self.postures = 0
 
@@ -173,7 +175,7 @@ class CloseNode(Node):
         posture = self._posture
         if posture is None:
             missing = ', '.join(self._input.missing)
-            return 'waiting', f'waiting for {missing} on {INPUT}'
+            return 'waiting', f'waiting for {missing} on {self.input}'
         if now - self._heard > self._timeout:
             return 'old', f'no input for {now - self._heard:.1f} s'
         if self._refusal:
@@ -207,7 +209,8 @@ class CloseNode(Node):
         heard = f'no input for {age:.1f} s' if late else wrong or 'heard'
         statuses = {'loops': loops, 'input': (WARN if late or wrong else OK, heard, told)}
         hardware = self.closure.model.mechanism.name
-        self._reports.publish(diagnostics(self.get_name(), hardware, self._stamp, statuses))
+        name = self.get_fully_qualified_name().lstrip('/')
+        self._reports.publish(diagnostics(name, hardware, self._stamp, statuses))
         self._input.trouble = ''
 
     def _on_parameters(self, changed: list[Parameter]) -> None:

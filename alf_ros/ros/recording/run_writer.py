@@ -12,6 +12,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from alf_ros.logs import journal, provenance
+from alf_ros.logs.log import node_of
 from alf_ros.logs.resume import Resumed
 from alf_ros.logs.stamps import stamp_ns
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
@@ -68,8 +69,9 @@ class RunWriter:
     ) -> None:
         self._write, self._ahead, self._names = write, ahead, names
         self._topics = [topic for topic in TOPICS if topic.name in recorded]
+        below = node_of(names)
         self._journal, self._scene = (
-            f'{names["~/energy"].rpartition("/")[0]}/{key}' for key in ('inputs', 'scene')
+            names.get(f'~/{key}', f'{below}/{key}') for key in ('inputs', 'scene')
         )
         self._seal = ''
         self.use(setup)

@@ -79,10 +79,11 @@ class Outputs:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Where each topic of samples and sensors is after remapping, by the name a user
-        writes."""
+        """Where each topic is after remapping, by the name a user writes."""
         sensors = self._sensors.outputs if self._sensors is not None else {}
-        return {name: output.topic for name, output in {**self.samples, **sensors}.items()}
+        texts = {'~/inputs': self.journal, '~/scene': self.scene}
+        outputs = {**self.optional, **texts, **sensors}
+        return {name: output.topic for name, output in outputs.items()}
 
     def prepare(self, simulation: Simulation) -> None:
         """Make the messages for a simulation, with all that is compiled for them, and the topics

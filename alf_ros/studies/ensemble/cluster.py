@@ -47,9 +47,19 @@ def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
     for name, version in wanted.items():
         if here[name] != version:
             raise InputError(
-                'a worker has another version', key=name, value=here[name], expected=version
+                f'the worker {_own_address()} has another version',
+                key=name,
+                value=here[name],
+                expected=version,
             )
     return run_chunk(pickle.loads(pickled), number)
+
+
+def _own_address() -> str:
+    """Of the worker that this process is."""
+    from distributed import get_worker
+
+    return str(get_worker().address)
 
 
 class Cluster:

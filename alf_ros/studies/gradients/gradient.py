@@ -6,6 +6,7 @@ import copy
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +32,7 @@ from alf_ros.studies.optimisation.folds import FOLDS, Folded, unit_of
 
 _SAME = 1e-9  # of the largest value: what differs by less does not jump
 _COARSE = 1e-3  # of the largest value: how far the number of half the samples may be off
+_SHORTEST = 3  # samples of a part between two changes of inputs that has its own polynomials
 _FEW = 6  # samples of a polynomial: fewer tell nothing of those between them
 
 
@@ -180,7 +182,7 @@ def _sampled(
     every: int,
 ) -> dict[RunInstant, float]:
     """Make the run. Returns the number where it begins and ends, and each `every` steps between;
-    before and behind a change of inputs by which it jumps."""
+    before and behind a change of inputs, by which it jumps or its rates do."""
     first, found = simulation.step_index, dict[RunInstant, float]()
     for stretch in stretches:
         stretch.begin()
@@ -197,9 +199,14 @@ def _sampled(
     if last - first < every:
         raise InputError('longer than the run', key='every', value=every, expected='steps')
     least = _SAME * max(map(abs, found.values()))
-    for behind in [instant for instant in found if instant.begins and instant.step > first]:
+    changes = [n for n, instant in enumerate(found) if instant.begins and instant.step > first]
+    sizes = np.diff([0, *changes, len(found)]).tolist()
+    instants = list(found)
+    for n, beside in zip(changes, pairwise(sizes), strict=True):
+        behind = instants[n]
         before = RunInstant(behind.step)
-        if abs(found[behind] - found[before]) <= least:
+        # a polynomial across a kink would swing; parts of two samples have no better one
+        if min(beside) < _SHORTEST and abs(found[behind] - found[before]) <= least:
             del found[behind]
             if (before.step - first) % every:
                 del found[before]
