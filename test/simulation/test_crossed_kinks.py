@@ -147,7 +147,7 @@ def test_a_force_that_jumps_has_no_derivatives(
     numbers = {'joint': 'pin', 'torque': 3.0, 'behind': behind}
     EFFECTS['snap'] = {str(file): {'snap': numbers}}
     scene = pendulum('snap')
-    settings = {'step': 0.01, 'integrator': integrator}
+    settings: dict[str, Any] = {'step': 0.01, 'integrator': integrator}
     after = Simulation(scene, **settings)
     after.step(100)
     assert after.sample().joints['pin'].position < -0.9
