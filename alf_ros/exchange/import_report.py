@@ -51,6 +51,7 @@ MOTION = {
     'than 0.1 m/s',
     'filters of contact': 'these meet the ground whatever their bitmask',
     'friction in two directions': 'the smallest coefficient acts in all directions',
+    'second pairs of contact': 'the first pair of two geoms acts alone',
     'slip of contact': 'these do not slip further the harder they are pushed along the ground',
     'friction of Bullet': 'the coefficients of ODE count, which are 1 where the file has none',
     'friction of contact': 'bodies spin and roll on the ground without resistance',

@@ -26,13 +26,15 @@ _MANY = 2000  # geoms: of more, pairs of bodies are not looked for one by one
 
 @dataclass(frozen=True)
 class _Pair:
-    """How two geoms touch: coefficient of sliding friction, whether others matter too, margin, and
-    whether a second direction has another coefficient; then `friction` is the smaller one."""
+    """How two geoms touch: coefficient of sliding friction, whether others matter too, margin,
+    whether a second direction has another coefficient, when `friction` is the smaller one, and
+    whether a second pair names both."""
 
     friction: float
     turning: bool
     margin: float
     directed: bool = False
+    repeated: bool = False
 
 
 def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
@@ -94,14 +96,16 @@ def _uses_gap(mujoco: Any) -> bool:
 def _pair(mujoco: Any, model: Any, one: int, other: int) -> _Pair | None:
     """None for two geoms that pass through each other."""
     used = _uses_gap(mujoco)
-    for n in range(model.npair):
-        if {int(model.pair_geom1[n]), int(model.pair_geom2[n])} == {one, other}:
-            along, across = map(float, model.pair_friction[n, :2])
-            margin = float(model.pair_margin[n] - used * model.pair_gap[n])
-            dims = int(model.pair_dim[n])
-            if dims == 1:
-                return _Pair(0.0, False, margin)
-            return _Pair(min(along, across), dims > 3, margin, along != across)
+    pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
+    named = [n for n, pair in enumerate(pairs) if set(map(int, pair)) == {one, other}]
+    if named:
+        n, repeated = named[0], len(named) > 1
+        along, across = map(float, model.pair_friction[n, :2])
+        margin = float(model.pair_margin[n] - used * model.pair_gap[n])
+        dims = int(model.pair_dim[n])
+        if dims == 1:
+            return _Pair(0.0, False, margin, repeated=repeated)
+        return _Pair(min(along, across), dims > 3, margin, along != across, repeated)
     masks = model.geom_contype, model.geom_conaffinity
     if not masks[0][one] & masks[1][other] and not masks[0][other] & masks[1][one]:
         return None
@@ -136,6 +140,8 @@ def _touch(
     ground_touches.touch(robot, part, name, drawn, ground, pair.friction, pair.turning)
     if pair.directed:
         robot.leave('friction in two directions', name)
+    if pair.repeated:
+        robot.leave('second pairs of contact', name)
 
 
 def _shape(mujoco: Any, model: Any, geom: int) -> VisualShape | None:

@@ -82,6 +82,14 @@ class Dynamics(Kinematics):
             loads = self._loads[part.loads]
             kernel.add_friction(part.effects, self.t, q, qd, self._near, loads, Q)
 
+    def forces_by_effect(self) -> Iterator[tuple[str, Floats]]:
+        """The label of each effect of the scene, and its Q (all blocks D,)."""
+        state = self._state
+        for label, part in self._applied.each.items():
+            Q = np.zeros(state.q.size)
+            self._act(part, state.q, state.qd, Q)
+            yield label, Q
+
     @property
     def friction_loads(self) -> Floats:
         """A copy of the reactions (N) on which friction depends: one for each effect with such

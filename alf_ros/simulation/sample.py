@@ -178,12 +178,8 @@ class Sample(Dynamics):
 
         By kind, or `kind.name` where it has a name of its own.
         """
-        state, Q = self._state, np.zeros(self._state.q.size)
-        powers = {}
-        for label, part in self._applied.each.items():
-            self._act(part, state.q, state.qd, Q)
-            powers[label] = float(Q @ state.qd)
-        return powers
+        qd = self._state.qd
+        return {label: float(Q @ qd) for label, Q in self.forces_by_effect()}
 
     # -------------------------------------------------------------------------------------- joints
 

@@ -28,7 +28,7 @@ from alf_ros.model.singular_branches import Branch
 from alf_ros.model.struct_memory import changed
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation import locked_rows, stiff_failures
+from alf_ros.simulation import force_failures, locked_rows, stiff_failures
 from alf_ros.simulation.applied import NO_INPUTS, Applied
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.drive_jumps import DriveJump, DriveJumps
@@ -317,7 +317,9 @@ class Stepper:
             found = self.formulation.failure(status)
         if found is not None:
             return StepError(*found, t)
-        if self.formulation is None:
+        if status in force_failures.SHOWN_BY:
+            found = self._endless(present)
+        if found is None and self.formulation is None:
             found = self._too_stiff(status, present)
         if found is not None:
             return StepError(*found, t)
@@ -344,17 +346,28 @@ class Stepper:
 
     def _too_stiff(self, status: Status, present: Present) -> tuple[str, str] | None:
         """Reason and remedy, if an effect is too stiff for the step from the present."""
-        sample = Dynamics(
+        sample = self._sample(present, present.step, present.state())
+        return stiff_failures.explained(status, sample, self._solver.integrator, self.h)
+
+    def _endless(self, present: Present) -> tuple[str, str] | None:
+        """Reason and remedy, if a force is not finite at the present, or where a step would go."""
+        here = present.state()
+        there = here.moved(here.q + self.h * here.qd, here.qd, here.turns)
+        states = enumerate((here, there), present.step)
+        return force_failures.explained(self._sample(present, *each) for each in states)
+
+    def _sample(self, present: Present, step: int, state: State) -> Dynamics:
+        """Of a state at a step, with all that acts at the present."""
+        return Dynamics(
             self._model,
             present.applied,
             self._solver,
-            present.step * self.h,
-            present.state(),
+            step * self.h,
+            state,
             self._start.dependent_rows,
             self.beside(present),
             self.instruments,
         )
-        return stiff_failures.explained(status, sample, self._solver.integrator, self.h)
 
     # ------------------------------------------------------------------------------------ counts
 

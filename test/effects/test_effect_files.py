@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from alf_ros import InputError, Simulation, effects, load_scene
+from alf_ros import InputError, Simulation, StepError, effects, load_scene
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.scene import scene_from_text
 from support.paths import ROOT
@@ -138,6 +138,19 @@ def test_what_a_compiled_function_calls_must_not_raise(folder: Path) -> None:
     line = text[: text.index('        raise')].count('\n') + 1
     with pytest.raises(InputError, match=rf'magnet\.py:{line}: force raises an exception'):
         load_scene(folder / 'orbit.yaml')
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'dop853_adaptive', 'esdirk43'])
+def test_a_law_that_gives_no_number_is_named(folder: Path, integrator: str) -> None:
+    """The planet falls to where the root is none."""
+    text = FILES['magnet.py'].replace('/ length**2, Q)', '/ np.sqrt(length - 0.6), Q)')
+    (folder / 'magnet.py').write_text(f'import numpy as np\n{text}', 'utf-8')
+    file = folder / 'orbit.yaml'
+    file.write_text(FILES['orbit.yaml'].replace('{P: [0, 2]}', '{P: [-1, 0]}'), 'utf-8')
+    simulation = Simulation(load_scene(file), integrator=integrator, step=0.01)
+    with pytest.raises(StepError, match='the force of magnet is not finite'):
+        simulation.step(100)
+    assert 0.55 < simulation.sample().points['P'][0] < 0.7
 
 
 @pytest.mark.parametrize(

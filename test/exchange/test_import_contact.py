@@ -247,6 +247,15 @@ def test_two_coefficients_of_a_pair_or_of_an_option(
             assert (f'{TWO}ball_geom\n' in text) == is_told
 
 
+def test_a_second_pair_of_the_same_shapes_is_listed(tmp_path: Path) -> None:
+    """MuJoCo has both; the first one acts here."""
+    second = PAIR.replace('0.9 0.9', '0.3 0.3').removeprefix('<contact>')
+    text = read(tmp_path, world(ball(R), more=PAIR.removesuffix('</contact>') + second))
+    (found,) = contacts(text)
+    assert found.parameters.friction == 0.9
+    assert 'the first pair of two geoms acts alone: ball_geom\n' in text
+
+
 def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
     """Contact first, each with its consequence."""
     bodies = (

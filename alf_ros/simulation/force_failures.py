@@ -1,0 +1,23 @@
+"""Laws of effects that give no finite number, such as a root of what has become negative."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from alf_ros.kernel import Status
+from alf_ros.simulation.dynamics import Dynamics
+
+# how a step ends at such a law: adaptive and implicit steps try shorter ones first
+SHOWN_BY = (Status.NOT_FINITE, Status.NOT_SETTLED, Status.COLLAPSED, Status.TOO_MANY)
+
+
+def explained(samples: Iterable[Dynamics]) -> tuple[str, str] | None:
+    """(reason, remedy) if the force of an effect is not finite in one of the samples."""
+    for sample in samples:
+        for label, Q in sample.forces_by_effect():
+            if not np.isfinite(Q).all():
+                reason = f'the force of {label} is not finite'
+                return reason, 'look at its law there, or take a smaller step or smaller forces'
+    return None
