@@ -155,7 +155,7 @@ def test_what_a_scene_names_is_never_looked_for(archive, capsys, case, trusted):
     assert not archive.owned.exists()
 
 
-@pytest.mark.parametrize('name', ['{}', '/home/a/{}', '../../{}', '{}/../gravity.py', '\x1b[2J{}'])
+@pytest.mark.parametrize('name', ['{}', '/home/a/{}', '../../{}', '{}/../spring.py', '\x1b[2J{}'])
 def test_brought_code_needs_trust_and_is_that_of_the_log(archive, capsys, name):
     """The refusal names every file with its digest; a file beside the log is not used."""
     name = name.format('lift.py')

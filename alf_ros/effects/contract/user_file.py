@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numba.core.errors import NumbaError
 
-from alf_ros import paths
+from alf_ros import columns, paths
 from alf_ros.effects import contract
 from alf_ros.errors import InputError
 
@@ -177,7 +177,11 @@ def check_packed(packed: object, path: str) -> None:
     if not isinstance(packed, contract.Packed):
         raise InputError(wanted, file=path)
     for part, kind in ((packed.slots, 'i'), (packed.params, 'f')):
-        if not isinstance(part, np.ndarray) or part.ndim != 1 or part.dtype.kind != kind:
+        if not isinstance(part, np.ndarray) or part.ndim != 1:
+            raise InputError(wanted, file=path)
+        # of members that are read at once
+        together = kind == 'f' and any(isinstance(x, columns.Column) for x in part)
+        if part.dtype.kind != kind and not together:
             raise InputError(wanted, file=path)
 
 
