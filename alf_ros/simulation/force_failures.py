@@ -1,4 +1,4 @@
-"""Laws of effects that give no finite number, such as a root of what has become negative."""
+"""Laws of effects that give no finite number, such as a root of a number that fell below zero."""
 
 from __future__ import annotations
 
