@@ -38,8 +38,8 @@ _FELT = 1e-9  # of the force that would stop the motion within a step of the gri
 
 def crossed(problem: Problem, phase: Phase, t: float, h: float, whole: float) -> float:
     """The part of the step of h (s) from `phase` at t (s), which ended in `work`, at which the
-    motion has come to the other side of a kink; 1 if it stays, -1 if a force jumps there: its
-    number stands in `work.divider` then. whole: the step of the grid, s.
+    motion has come to the other side of a kink; 1 if it stays, -1 if a force jumps there: the
+    number of its kind stands in `work.divider` then. whole: the step of the grid, s.
 
     Needs q, q̇ of the end and the rates of the stages in `work`. Leaves q and q̇ there.
     """

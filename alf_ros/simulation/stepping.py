@@ -310,8 +310,10 @@ class Stepper:
         if status == Status.DRIVE_JUMPS:
             return StepError(f'{self._jump}, which takes an infinite force', status.remedy, t)
         if status == Status.FORCE_JUMPS:
-            effect = present.applied.effects[int(self._divider[1])]
-            return StepError(f'{status.reason}: {effect.label}', status.remedy, t)
+            effects = present.applied.effects
+            kind = list(dict.fromkeys(each.kind for each in effects))[int(self._divider[1])]
+            labels = ', '.join(each.label for each in effects if each.kind == kind)
+            return StepError(f'{status.reason}: {labels}', status.remedy, t)
         found = beyond_reach(self._model, present.phase.q, t, self.h)
         if found is None and self.formulation:
             found = self.formulation.failure(status)

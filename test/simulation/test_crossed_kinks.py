@@ -145,7 +145,8 @@ def test_a_force_that_jumps_has_no_derivatives(
     file = tmp_path / 'snap.py'
     file.write_text(SNAP, 'utf-8')
     numbers = {'joint': 'pin', 'torque': 3.0, 'behind': behind}
-    EFFECTS['snap'] = {str(file): {'snap': numbers}}
+    springs = {name: {'joint': 'pin', 'stiffness': 0.1} for name in ('one', 'other')}
+    EFFECTS['snap'] = {'torsion_spring': springs, str(file): {'snap': numbers}}
     scene = pendulum('snap')
     settings: dict[str, Any] = {'step': 0.01, 'integrator': integrator}
     after = Simulation(scene, **settings)
