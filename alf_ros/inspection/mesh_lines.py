@@ -27,7 +27,8 @@ class MeshLines:
         of = np.repeat(np.arange(solid.sum()), 3)
         order = np.lexsort(sides.T)
         sides, of = sides[order], of[order]
-        first = np.append(True, (sides[1:] != sides[:-1]).any(axis=1))
+        first = np.ones(len(sides), dtype=bool)
+        first[1:] = (sides[1:] != sides[:-1]).any(axis=1)
         begin = np.flatnonzero(first)
         count = np.diff(np.append(begin, len(sides)))
         self._edges, self._one = sides[begin], of[begin]

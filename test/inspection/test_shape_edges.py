@@ -106,6 +106,13 @@ def test_a_round_mesh_has_its_contour(tmp_path: Path) -> None:
     assert len(seen(cone, tmp_path, np.array([0.0, 0.0, -1.0]))) == 40
 
 
+def test_triangles_without_an_area_have_no_lines(tmp_path: Path) -> None:
+    flat = np.array([[[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+    assert len(seen(flat, tmp_path, np.array([0.0, 0.0, 1.0]))) == 0
+    both = np.concatenate([flat, WEDGE])
+    assert len(seen(both, tmp_path, np.array([0.0, 0.0, 1.0]))) == 18
+
+
 def test_the_picture_shows_meshes(tmp_path: Path) -> None:
     """Its limits hold them. A file that cannot be drawn is named."""
     good, bad = tmp_path / 'mesh.stl', tmp_path / 'bad.stl'
