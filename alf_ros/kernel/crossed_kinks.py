@@ -19,10 +19,11 @@ from typing import Any
 
 from numba import types
 
+from alf_ros.arrays import Floats
 from alf_ros.kernel.applied_forces import add_one, sides
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.grazed_kinks import end_in_arcs, keep_end, place, restore_end
-from alf_ros.kernel.numba_ext.jit import ONE, by_address, inlined, inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, by_address, inlined, inner
 from alf_ros.kernel.numba_ext.vectors import largest, zero
 
 CROSSINGS = 400  # pieces of a step, at most
@@ -39,7 +40,8 @@ _FELT = 1e-9  # of the force that would stop the motion within a step of the gri
 def crossed(problem: Problem, phase: Phase, t: float, h: float, whole: float) -> float:
     """The part of the step of h (s) from `phase` at t (s), which ended in `work`, at which the
     motion has come to the other side of a kink; 1 if it stays, -1 if a force jumps there: the
-    number of its kind stands in `work.divider` then. whole: the step of the grid, s.
+    number of its kind stands in `work.divider` then, and 1 if it jumps over time. whole: the step
+    of the grid, s.
 
     Needs q, q̇ of the end and the rates of the stages in `work`. Leaves q and q̇ there.
     """
@@ -68,7 +70,8 @@ def crossed(problem: Problem, phase: Phase, t: float, h: float, whole: float) ->
 def _one_jumps(
     problem: Problem, phase: Phase, t: float, h: float, whole: float, low: float, high: float
 ) -> bool:
-    """Whether a force is another one at two parts of a step, at one instant."""
+    """Whether a force is another one at two parts of a step: at one instant, or also at both
+    instants if its own are not told."""
     effects, work = problem.forces.effects, problem.work
     before, behind = work.delta, work.given
     n = work.p.size
@@ -77,14 +80,30 @@ def _one_jumps(
         if effects.side[e] != 0:
             zero(before)
             zero(behind)
-            place(problem, phase, t, h, low, 1.0)
-            add_one(effects, e, t, work.q, work.qd, work.near, before)
             place(problem, phase, t, h, high, 1.0)
             add_one(effects, e, t, work.q, work.qd, work.near, behind)
-            for i in range(n):
-                if abs(behind[i] - before[i]) > felt:
-                    work.divider[ONE] = e
+            place(problem, phase, t, h, low, 1.0)
+            add_one(effects, e, t, work.q, work.qd, work.near, before)
+            if _differ(before, behind, n, felt):
+                work.divider[ONE], work.divider[TWO] = e, 0
+                return True
+            if effects.undated[e] != 0:
+                zero(before)
+                zero(behind)
+                add_one(effects, e, t + low * h, work.q, work.qd, work.near, before)
+                add_one(effects, e, t + high * h, work.q, work.qd, work.near, behind)
+                if _differ(before, behind, n, felt):
+                    work.divider[ONE], work.divider[TWO] = e, 1
                     return True
+    return False
+
+
+@inlined
+def _differ(before: Floats, behind: Floats, n: int, felt: float) -> bool:
+    """Whether one of the first n numbers changes by more than `felt`."""
+    for i in range(n):
+        if abs(behind[i] - before[i]) > felt:
+            return True
     return False
 
 

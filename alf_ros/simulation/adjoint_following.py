@@ -28,6 +28,7 @@ from alf_ros.simulation.force_columns import (
 from alf_ros.simulation.force_traces import OPERATIONS, empty_trace, leaves_of, traced_forces
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.slope_products import SlopeProducts
+from alf_ros.simulation.step_failures import failure, told
 from alf_ros.simulation.stepping import Stepper
 from alf_ros.simulation.tangent_following import drives_of, seeds, tangents_of
 
@@ -103,7 +104,7 @@ class AdjointFollowing:
         self._record.count[0] = 0
         status = self._stepper.advance_recorded(present, n, self._record)
         if status != Status.OK:
-            raise self._stepper.error(status, present)
+            raise failure(self._stepper, status, present)
         if int(self._record.count[0]) > self._steps:
             self.provide(2 * int(self._record.count[0]))
             raise NoRoom('more steps than there was room for')
@@ -165,7 +166,7 @@ class AdjointFollowing:
             self._stepper.listener.answer()
         if status != Status.OK:
             at = int(self._adjoint.at[0])
-            reason, remedy = self._stepper.told(status)
+            reason, remedy = told(self._stepper, status)
             raise StepError(reason, remedy, float(self._record.span[at * SPAN]))
         self._taken = to
 

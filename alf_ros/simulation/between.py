@@ -9,6 +9,7 @@ from alf_ros.arrays import Floats
 from alf_ros.kernel import Status
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.state import State
+from alf_ros.simulation.step_failures import failure
 from alf_ros.simulation.stepping import Stepper
 
 
@@ -42,7 +43,7 @@ class Between:
             aside = present.aside(state, within)
             status = stepper.aside(aside, start, t - start)
             if status != Status.OK:
-                raise stepper.error(status, present)
+                raise failure(stepper, status, present)
             state = replace(aside.state(), step=state.step, h=math.nan)
             beside = stepper.beside_aside()
             self._last = here, t, state, beside, aside.phase.within

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from alf_ros.mechanism.natural_coordinates import Layout
 @dataclass(frozen=True)
 class PackedKind:
     """An effect's file, its functions (addresses; 0: none, or nobody asks), its instances packed,
-    and the instances with a load: none, or all."""
+    and the instances with a load: none, or all. `undated`: whether it may jump at instants that it
+    does not tell."""
 
     name: str
     force: int
@@ -27,6 +29,7 @@ class PackedKind:
     friction: int
     tangent: int
     side: int
+    undated: bool
     interval: int
     packed: Packed
     rubbing: Sequence[Effect]
@@ -35,12 +38,13 @@ class PackedKind:
 @dataclass(frozen=True)
 class AskedFunctions:
     """The functions and numbers of effects that a method asks for, besides those that all of them
-    need: `tangents` of an implicit one, `sides` of an explicit one that is adaptive or has
-    derivatives, `intervals` of every method of alf2, and the `instants` of kinks of every
+    need: `tangents` of an implicit one, `sides` of an adaptive explicit one, `branches` of one
+    with derivatives, `intervals` of every method of alf2, and the `instants` of kinks of every
     adaptive one. `ends`: whether steps end at kinks that they would cross."""
 
     tangents: bool = False
     sides: bool = False
+    branches: bool = False
     intervals: bool = False
     instants: bool = False
     ends: bool = False
@@ -53,7 +57,7 @@ def listed(kinds: Sequence[PackedKind]) -> Effects:
     """As the kernel wants them."""
     slots = [kind.packed.slots for kind in kinds]
     params = [kind.packed.params for kind in kinds]
-    sides = [kind.side for kind in kinds]
+    sides, undated = ([getattr(kind, name) for kind in kinds] for name in ('side', 'undated'))
     loads = np.cumsum([0, *(len(kind.rubbing) for kind in kinds)], dtype=np.uint64)
     return Effects(
         force=np.array([kind.force for kind in kinds], dtype=np.uint64),
@@ -61,6 +65,7 @@ def listed(kinds: Sequence[PackedKind]) -> Effects:
         friction=np.array([kind.friction for kind in kinds], dtype=np.uint64),
         tangent=np.array([kind.tangent for kind in kinds], dtype=np.uint64),
         side=np.array(sides if any(sides) else [], dtype=np.uint64),
+        undated=np.array(undated if any(sides) else [], dtype=np.int64),
         slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
         params=np.concatenate([np.zeros(0), *params]),
         slots_at=_starts(slots),
@@ -101,13 +106,26 @@ def kinds_of(
         friction = module.friction.address if rubs else 0
         rubbing = instances if rubs else ()
         tangent = module.tangent.address if asked.tangents and hasattr(module, 'tangent') else 0
-        has_sides = asked.sides and not packed.smooth and hasattr(module, 'side')
-        side = module.side.address if has_sides else 0
+        side = 0 if packed.smooth else _side(kind, module, asked)
         within = asked.intervals and packed.intervals > 0
         interval = module.interval.address if within else 0
-        addresses = module.force.address, potential, friction, tangent, side, interval
-        kinds.append(PackedKind(kind, *addresses, packed, rubbing))
+        addresses = module.force.address, potential, friction, tangent, side
+        undated = not (hasattr(module, 'side') or packed.instants.size)
+        kinds.append(PackedKind(kind, *addresses, undated, interval, packed, rubbing))
     return kinds
+
+
+def _side(kind: str, module: ModuleType, asked: AskedFunctions) -> int:
+    """The function that tells the sides of kinks. Derivatives find branches also of an effect that
+    has none; ours that have none have no kinks."""
+    if hasattr(module, 'side'):
+        asks = asked.sides or asked.branches
+        return int(module.side.address) if asks else 0
+    if not asked.branches or kind in registry.own() or getattr(module, 'CONSTANT', False):
+        return 0
+    from alf_ros.effects.contract.force_branches import force_branches
+
+    return force_branches(module.force._pyfunc)
 
 
 def _by_kind(effects: Sequence[Effect]) -> dict[str, list[Effect]]:

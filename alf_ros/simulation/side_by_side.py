@@ -29,6 +29,7 @@ from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.step_failures import failure
 
 WIDTHS = 2, 4, 8, 16  # members of a group: one register of them, or two
 _PARTS = 'problem', 'phase', 'progress', 'crew'  # of `LaneGroups`
@@ -112,7 +113,7 @@ class _Group:
         for m, each in enumerate(self.members):
             status = Status(int(self.crew.result[m]))
             if status != Status.OK:
-                failed[m] = each._run.stepper.error(status, each._run.present)
+                failed[m] = failure(each._run.stepper, status, each._run.present)
         return failed
 
     def settle(self, cost: float = math.nan) -> None:

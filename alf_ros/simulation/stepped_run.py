@@ -23,6 +23,7 @@ from alf_ros.simulation.singular_passes import Pass, Watcher
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
 from alf_ros.simulation.state_trail import StateTrail
+from alf_ros.simulation.step_failures import failure
 from alf_ros.simulation.stepping import Stepper
 
 
@@ -114,7 +115,7 @@ class SteppedRun:
         if present.step > first:
             self.step_cost = (time.perf_counter() - started) / (present.step - first)
         if status != Status.OK:
-            raise self.stepper.error(status, present)
+            raise failure(self.stepper, status, present)
 
     def advance_along(self, n: int, trail: StateTrail) -> None:
         """n steps, with the states on the way. Raises as `advance` does."""

@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
-from alf_ros.errors import InputError, StepError
+from alf_ros.errors import InputError
 from alf_ros.kernel import Forces, Problem, Span, Status, StepRecord, Tangents, Trail, Watch, Work
 from alf_ros.kernel.crossed_kinks import divider
 from alf_ros.kernel.implicit_tangents import following_implicitly
@@ -28,9 +28,7 @@ from alf_ros.model.singular_branches import Branch
 from alf_ros.model.struct_memory import changed
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation import force_failures, locked_rows, stiff_failures
 from alf_ros.simulation.applied import NO_INPUTS, Applied
-from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.drive_jumps import DriveJump, DriveJumps
 from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.formulations import Formulation
@@ -52,7 +50,7 @@ class Stepper:
     It owns the workspaces and knows no state: what it steps is given to it. `formulation`: one
     that was prepared before; `written`: steps are written down for gradients. Raises InputError
     for an effect that does not fit the mechanism, and for a formulation that does not fit the
-    integrator.
+    integrator. `step_failures` says why a step failed.
     """
 
     def __init__(
@@ -65,26 +63,27 @@ class Stepper:
         following: TangentFollowing | None = None,
         written: bool = False,
     ) -> None:
-        self.h, self._solver = solver.step, solver
+        self.h, self.solver = solver.step, solver
         self.method = method = solver.method
         self.iterations = 0  # most in one solve of the last call
-        self._start, self._model = start, start.model
+        self.start, self.model = start, start.model
         self.missed = MissedPositions(start, leaps=not method.embedded.size)
         tableau, adaptive = TABLEAUX[solver.integrator], method.embedded.size > 0
         # s, the longest way of a fixed step between two stages; adaptive ones end at known kinks
         stages = np.unique([*method.c, 1.0])
         self._blind = 0.0 if adaptive else self.h * float(np.diff(stages).max())
-        self.instruments = Instruments(self._model, ReactionsOf(self._model))
+        self.instruments = Instruments(self.model, ReactionsOf(self.model))
         # with nothing held
         self.applied = Applied(
-            self._model,
+            self.model,
             effects,
             NO_INPUTS,
             self.instruments.reactions,
             method.b if ledger else None,
             AskedFunctions(
                 tangents=tableau.implicit,
-                sides=following is not None or written or (adaptive and not tableau.implicit),
+                sides=adaptive and not tableau.implicit,
+                branches=following is not None or written,
                 intervals=solver.formulation == 'alf2',
                 instants=adaptive,
                 ends=not (adaptive or written or following is not None),
@@ -92,35 +91,35 @@ class Stepper:
         )
         if following is not None:
             following.check(self.applied)
-        self.system = self._model.system
+        self.system = self.model.system
         self._kernel = kernel.advance
         if tableau.implicit:
-            self.system = softened(self.system, self._model.layout, self.applied.directions)
+            self.system = softened(self.system, self.model.layout, self.applied.directions)
             self._kernel = kernel.advance_implicitly
         elif adaptive:
             self._kernel = kernel.advance_adaptively
-        self.work = allocate(self._model, self.system, method.b.size)
+        self.work = allocate(self.model, self.system, method.b.size)
         self.listener = Listener(self.work)
         self._aside: Work | None = None
-        self._divider = np.zeros(2, dtype=np.uint64)  # as in `Work`
+        self.divider = np.zeros(3, dtype=np.uint64)  # as in `Work`
         self._following = following
         self._behind: Work | None = None  # of tangents
         self._tangents: dict[bool, tuple[Problem, Tangents]] = {}  # of the run, and aside
         self._problems: dict[bool, Problem] = {}  # of the run, and aside
         self._watched: Problem | None = None  # of the run, while somebody watches
         self.trail: Trail | None = None  # on which the steps of the run are written down
-        self._jumps = DriveJumps.of(self._model, ledger)
-        self._jump: DriveJump | None = None
+        self._jumps = DriveJumps.of(self.model, ledger)
+        self.drive_jump: DriveJump | None = None
         self.formulation = formulation
         if solver.formulation != 'alf2' and formulation is None:
-            self.formulation = Formulation(self._model, solver, start.q)
+            self.formulation = Formulation(self.model, solver, start.q)
 
     # ------------------------------------------------------------------------------------ states
 
     def initial(self, accounts: tuple[str, ...]) -> State:
         """The state in which the scene starts, works (J) of these accounts."""
-        q, qd = self._start.q, self._start.qd
-        turns = np.zeros(self._model.system.angles.c.size // 2, dtype=np.int64)
+        q, qd = self.start.q, self.start.qd
+        turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         return State(
             0,
             q,
@@ -137,7 +136,7 @@ class Stepper:
 
     def first_pace(self, qd: Floats) -> float:
         """With which an adaptive method begins at velocities q̇ (blocks D, m/s), s."""
-        return first_pace(self.h, self._model.size, qd)
+        return first_pace(self.h, self.model.size, qd)
 
     # ------------------------------------------------------------------------------------- steps
 
@@ -166,7 +165,7 @@ class Stepper:
         free = self._free_of_jumps(0.0, first, n, self.h)
         if free == 0 < n:
             return Status.DRIVE_JUMPS
-        code = writing_down(self._model.layout.dimension, self.is_implicit)
+        code = writing_down(self.model.layout.dimension, self.is_implicit)
         problem = self._accompanied(problem, code.address, record, np.zeros(0))
         span = Span(0.0, first, free, self.h)
         result, _, self.iterations = self._kernel(problem, present.phase, span, within)
@@ -178,7 +177,7 @@ class Stepper:
 
     def _allocated(self) -> Work:
         """Another workspace, which is stopped together with the one of the run."""
-        made = allocate(self._model, self.system, self.method.b.size)
+        made = allocate(self.model, self.system, self.method.b.size)
         return replace(made, pulse=self.work.pulse, caller=self.work.caller)
 
     def _take(
@@ -220,7 +219,7 @@ class Stepper:
         """How many of n steps of h from `start` + `first` h (s) come before a drive jumps."""
         if self._jumps is None:
             return n
-        free, self._jump = self._jumps.before(start, first, n, h)
+        free, self.drive_jump = self._jumps.before(start, first, n, h)
         return free
 
     @staticmethod
@@ -232,10 +231,10 @@ class Stepper:
 
     def begins_within(self, present: Present) -> bool:
         """Whether the scene starts in a singular position that solves do not show."""
-        if self._start.singular is not None and not present.phase.qd.any():
-            pull = self._start.singular.pull(self._forces_at_rest(present.applied))
+        if self.start.singular is not None and not present.phase.qd.any():
+            pull = self.start.singular.pull(self._forces_at_rest(present.applied))
             return bool(pull.any())
-        return self._start.near and bool(self._start.qd.any())
+        return self.start.near and bool(self.start.qd.any())
 
     def _followed(self, applied: Applied, problem: Problem) -> Problem:
         """A problem whose steps tangents follow; replaced when held inputs change."""
@@ -248,7 +247,7 @@ class Stepper:
             before = known[1] if known is not None else None
             tangents = self._following.tangents(applied, problem, self._behind, before)
             code_of = following_implicitly if self.is_implicit else following
-            code = code_of(self._model.layout.dimension, tangents._lanes())
+            code = code_of(self.model.layout.dimension, tangents._lanes())
             good = np.zeros_like(self._following.initial)
             known = self._accompanied(problem, code.address, tangents, good), tangents
             self._tangents[of_run] = known
@@ -260,11 +259,11 @@ class Stepper:
         companion = np.array([code, address_of(by)], dtype=np.uint64)
         kinks = problem.forces.effects.side.size > 0
         if kinks:
-            self._divider[0] = divider(self._model.layout.dimension).address
+            self.divider[0] = divider(self.model.layout.dimension).address
         work = changed(
             problem.work,
             companion=companion,
-            divider=self._divider if kinks else self._divider[:0],
+            divider=self.divider if kinks else self.divider[:0],
             good_tangents=good,
         )
         return changed(problem, work=work)
@@ -287,7 +286,7 @@ class Stepper:
         """The problem of the kernel; replaced when held inputs change."""
         known = self._problems.get(work is self.work)
         if known is None or known.forces is not forces:
-            known = Problem(self._model.unit, self.system, forces, self.method, work)
+            known = Problem(self.model.unit, self.system, forces, self.method, work)
             self._problems[work is self.work] = known
         return known
 
@@ -295,78 +294,21 @@ class Stepper:
         """The problem of the run, whose steps `watch` follows."""
         known = self._watched
         if known is None or known.forces is not problem.forces or known.work.watch is not watch:
-            code = follow_step(self._model.layout.dimension)
+            code = follow_step(self.model.layout.dimension)
             follow = np.array([code.address], dtype=np.uint64)
             work = changed(problem.work, follow=follow, watch=watch)
             known = self._watched = changed(problem, work=work)
         return known
 
-    def error(self, status: Status, present: Present) -> StepError:
-        """The exception for a failed step from the present. If the step was stopped, raises the
-        exception that stopped it."""
-        if status == Status.STOPPED:
-            self.listener.answer()
-        t = present.step * self.h
-        if status == Status.DRIVE_JUMPS:
-            return StepError(f'{self._jump}, which takes an infinite force', status.remedy, t)
-        if status == Status.FORCE_JUMPS:
-            effects = present.applied.effects
-            kind = list(dict.fromkeys(each.kind for each in effects))[int(self._divider[1])]
-            labels = ', '.join(each.label for each in effects if each.kind == kind)
-            return StepError(f'{status.reason}: {labels}', status.remedy, t)
-        found = beyond_reach(self._model, present.phase.q, t, self.h)
-        if found is None and self.formulation:
-            found = self.formulation.failure(status)
-        if found is not None:
-            return StepError(*found, t)
-        if status in force_failures.SHOWN_BY:
-            found = self._endless(present)
-        if found is None and self.formulation is None:
-            found = self._too_stiff(status, present)
-        if found is not None:
-            return StepError(*found, t)
-        reason, remedy = self.told(status)
-        if status == Status.JAMMED:
-            reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
-        if status == Status.NOT_CLOSED:
-            told, phase = float(self.work.crossing[1]), present.phase
-            cause = locked_rows.explained(self._model, phase.q)
-            cause = cause or self.missed.explained(told, phase.q, phase.qd)
-            if cause is not None:
-                reason, remedy = reason + cause[0], cause[1]
-        if status == Status.TOO_LONG:
-            longest = self.resolution_later(present.applied)().adequate
-            remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
-        return StepError(reason, remedy, t)
-
-    def told(self, status: Status) -> tuple[str, str]:
-        """Reason and remedy of a status."""
-        remedy = status.remedy
-        if status == Status.UNFOLLOWED and self.is_implicit:
-            remedy = 'beside a singular position they follow explicit integrators alone'
-        return status.reason, remedy
-
-    def _too_stiff(self, status: Status, present: Present) -> tuple[str, str] | None:
-        """Reason and remedy, if an effect is too stiff for the step from the present."""
-        sample = self._sample(present, present.step, present.state())
-        return stiff_failures.explained(status, sample, self._solver.integrator, self.h)
-
-    def _endless(self, present: Present) -> tuple[str, str] | None:
-        """Reason and remedy, if a force is not finite at the present, or where a step would go."""
-        here = present.state()
-        there = here.moved(here.q + self.h * here.qd, here.qd, here.turns)
-        states = enumerate((here, there), present.step)
-        return force_failures.explained(self._sample(present, *each) for each in states)
-
-    def _sample(self, present: Present, step: int, state: State) -> Dynamics:
+    def sample(self, present: Present, step: int, state: State) -> Dynamics:
         """Of a state at a step, with all that acts at the present."""
         return Dynamics(
-            self._model,
+            self.model,
             present.applied,
-            self._solver,
+            self.solver,
             step * self.h,
             state,
-            self._start.dependent_rows,
+            self.start.dependent_rows,
             self.beside(present),
             self.instruments,
         )
@@ -443,7 +385,7 @@ class Stepper:
 
         Raises AssemblyError where the motion that begins is not unique.
         """
-        start = self._start
+        start = self.start
         self.departure(applied)
         if not start.near or self.formulation is not None or start.qd.any():
             return ''
@@ -453,17 +395,17 @@ class Stepper:
     def departure(self, applied: Applied) -> Branch | None:
         """The branch on which forces start the motion, from rest in a singular position. Raises
         AssemblyError where it is not unique."""
-        start = self._start
+        start = self.start
         if start.singular is None or start.qd.any() or self.formulation is not None:
             return None
         return start.singular.departure(self._forces_at_rest(applied))
 
     def _forces_at_rest(self, applied: Applied) -> Floats:
         """(blocks D,) N, at the start of the scene, with held inputs."""
-        q, qd, angles = self._start.q, self._start.qd, self._model.system.angles
+        q, qd, angles = self.start.q, self.start.qd, self.model.system.angles
         Q, near = np.zeros_like(q), np.zeros(angles.c.size // 2)
         places, turns = np.zeros(angles.c.size), np.zeros(near.size, dtype=np.int64)
-        kernel.violation(self._model.unit, angles, q, places)
+        kernel.violation(self.model.unit, angles, q, places)
         kernel.nearby(places, turns, near)
         kernel.applied_forces(applied.assembled.effects, 0.0, q, qd, near, Q)
         return Q

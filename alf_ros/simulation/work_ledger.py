@@ -61,7 +61,8 @@ def _joined(parts: Sequence[Effects]) -> Effects:
     """Lists of effects as one."""
     if not parts:
         return Effects.empty()
-    names = ('force', 'potential', 'friction', 'tangent', 'side', 'slots', 'params', 'loads_at')
+    functions = 'force', 'potential', 'friction', 'tangent', 'side', 'undated'
+    names = (*functions, 'slots', 'params', 'loads_at')
     whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     for name in ('slots', 'params'):
         sizes = [getattr(part, name).size for part in parts]

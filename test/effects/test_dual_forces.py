@@ -14,6 +14,7 @@ import pytest
 from alf_ros import effects
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.dual_force import dual_force
+from alf_ros.effects.contract.force_branches import force_branches
 from alf_ros.effects.contract.traced_force import traced_force
 from support.effect_examples import CASES, simulation
 
@@ -138,3 +139,19 @@ def test_a_function_without_derivative_is_refused() -> None:
 
     with pytest.raises(TypeError, match='sinc'):
         dual_force(force)
+
+
+@pytest.mark.parametrize(('kind', 'which'), [case for case in CASES if 'loaded' not in case[1]])
+def test_an_effect_without_side_has_no_branches(kind: str, which: str) -> None:
+    """By the motion: so nobody needs to look for their kinks (`packed_effects`). An effect that has
+    branches has a `side`."""
+    module, at = effects.load(kind), At(kind, which)
+    branches = ctypes.CFUNCTYPE(_NUMBER, _NUMBER, *(5 * [_POINTER]))(
+        force_branches(module.force._pyfunc)
+    )
+    rng, found = np.random.default_rng(5), set()
+    for size in (*20 * [1e-3], *20 * [1.0], *20 * [30.0]):
+        q, qd = at.q + size * rng.normal(size=at.q.size), size * rng.normal(size=at.q.size)
+        given = (q, qd, at.near, at.packed.slots, at.packed.params)
+        found.add(branches(at.t, *(each.ctypes.data for each in given)))
+    assert len(found) == 1 or hasattr(module, 'side')

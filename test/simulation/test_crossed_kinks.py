@@ -93,7 +93,7 @@ def test_pieces_do_not_move_the_motion() -> None:
         assert np.abs(followed.state.q - plain.state.q).max() < off
 
 
-SNAP = '''"""A torque on a joint that is another one beyond a position."""
+HEAD = '''"""A torque on a joint."""
 
 from dataclasses import dataclass, field
 
@@ -116,7 +116,8 @@ def pack(effects, layout):
         measures.add_coordinate(effect.parameters.joint)
         measures.give([effect.parameters.torque, effect.parameters.behind])
     return measures.packed()
-
+'''
+SNAP = """
 
 @contract.force
 def force(t, q, qd, near, slots, params, Q):
@@ -127,23 +128,26 @@ def force(t, q, qd, near, slots, params, Q):
             push(q, slots, params, n, params[at + 1], Q)
         else:
             push(q, slots, params, n, params[at], Q)
-
+"""
+SIDE = """
 
 @contract.side
 def side(t, q, qd, near, slots, params):
     x, _ = scalar(q, qd, near, slots, params, 0)
     return 1.0 if x < -0.8 else 0.0
-'''
+"""
 
 
 @pytest.mark.parametrize('behind', [3.0, 3.001, 2.0])
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43'])
+@pytest.mark.parametrize('told', [SIDE, ''], ids=['side', 'comparisons'])
 def test_a_force_that_jumps_has_no_derivatives(
-    behind: float, integrator: str, tmp_path: Path
+    told: str, behind: float, integrator: str, tmp_path: Path
 ) -> None:
-    """It is named where it jumps, and is none if both torques are one."""
+    """It is named where it jumps, and is none if both torques are one. An effect that does not
+    tell its sides is known by the comparisons of its force."""
     file = tmp_path / 'snap.py'
-    file.write_text(SNAP, 'utf-8')
+    file.write_text(HEAD + SNAP + told, 'utf-8')
     numbers = {'joint': 'pin', 'torque': 3.0, 'behind': behind}
     springs = {name: {'joint': 'pin', 'stiffness': 0.1} for name in ('one', 'other')}
     EFFECTS['snap'] = {'torsion_spring': springs, str(file): {'snap': numbers}}
@@ -162,3 +166,59 @@ def test_a_force_that_jumps_has_no_derivatives(
     assert -0.8 < simulation.sample().joints['pin'].position < -0.6
     with pytest.raises(StepError, match=said):
         gradient(Simulation(scene, **settings), 'final(pin.position)', ['m'], 1.0)
+
+
+LAW = """
+
+@contract.force
+def force(t, q, qd, near, slots, params, Q):
+    x, _ = scalar(q, qd, near, slots, params, 0)
+    at = numbers_of(slots, 0)
+    push(q, slots, params, 0, {}, Q)
+"""
+KINKS = {
+    'if': 'params[at] * (-0.8 - x) if x < -0.8 else 0.0',
+    'max': 'params[at] * max(0.0, -0.8 - x)',
+    'abs': '0.5 * params[at] * (abs(0.8 + x) - 0.8 - x)',
+    'floor': '-params[at] * (x + 0.8) * min(1, abs(math.floor((x + 0.8) / 9)))',
+}
+
+
+def with_law(law: str, folder: Path) -> Scene:
+    """The pendulum with an own effect that does not tell its sides."""
+    file = folder / 'law.py'
+    file.write_text(f'import math\n{HEAD}{LAW.format(law)}', 'utf-8')
+    EFFECTS['law'] = {str(file): {'law': {'joint': 'pin', 'torque': 300.0, 'behind': 0.4}}}
+    return pendulum('law')
+
+
+@pytest.mark.parametrize('spelled', KINKS)
+def test_kinks_of_own_effects_are_known_by_their_code(spelled: str, tmp_path: Path) -> None:
+    """However they are written. Without it, adaptive steps of 1e-13 were off by 7e-6."""
+    scene, true = with_law(KINKS[spelled], tmp_path), 0.0
+    for k, weight in STENCIL:
+        more, less = (
+            angle(changed(scene, {'m': 1.0 + sign * k * 1e-3}), **EXACT) for sign in (1.0, -1.0)
+        )
+        true += weight * (more - less) / 1e-3
+    for settings, error in ((EXACT, 1e-7), ({'step': 1e-3, 'integrator': 'rk4'}, 1e-4)):
+        simulation = Simulation(scene, tangents=['m'], **settings)
+        simulation.step(round(DURATION / simulation.h))
+        tangent = simulation.sample().tangents['m'].joints['pin'].position
+        assert tangent == pytest.approx(true, rel=error)
+        found = gradient(Simulation(scene, **settings), 'final(pin.position)', ['m'], DURATION)
+        assert found.by['m'] == pytest.approx(tangent, rel=1e-10)
+
+
+@pytest.mark.parametrize(('instant', 't'), [('0.4312', 0.431), ('params[at + 1]', 0.4)])
+def test_a_force_that_jumps_at_an_instant(instant: str, t: float, tmp_path: Path) -> None:
+    """Its effect must give the instant: only then it is known whether a number moves it."""
+    scene = with_law(f'0.01 * params[at] if t > {instant} else 0.0', tmp_path)
+    said = 'a force jumps at an instant, .*: law.*Packed.instants'
+    for settings in (EXACT, {'step': 1e-3, 'integrator': 'rk4'}):
+        simulation = Simulation(scene, tangents=['law.behind'], **settings)
+        with pytest.raises(StepError, match=said):
+            simulation.step(round(DURATION / simulation.h))
+        assert simulation.t == pytest.approx(t, abs=1e-9)
+        with pytest.raises(StepError, match=said):
+            gradient(Simulation(scene, **settings), 'final(pin.position)', ['m'], 1.0)

@@ -26,7 +26,8 @@
 
 `side(t, q, qd, near, slots, params)` (optional)
     compiled by `@side`, for an adaptive explicit method: a number that differs between the two
-    sides of each kink of the force. A step with a kink inside is then known.
+    sides of each kink of the force. A step with a kink inside is then known. Derivatives look at
+    the comparisons of a force without it (`force_branches`).
 `interval(t, q, qd, near, slots, params, n, out)` (optional)
     compiled by `@interval`: where the kinks of a force that depends on places are. Writes into
     `out` the n-th of `Packed.intervals` scalars x, its rate ẋ, and the ends of the interval around

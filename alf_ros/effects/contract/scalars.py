@@ -23,6 +23,7 @@ from alf_ros.effects.contract import Packed
 from alf_ros.effects.contract.gap_vectors import push_distance, size, vector, vector_rate
 from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.jit import shared as shared
+from alf_ros.kernel.numba_ext.nearest_whole import nearest_whole
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.mechanism import GROUND, Numbers
 from alf_ros.mechanism.affine import Form, constant
@@ -274,7 +275,7 @@ def _angle(
     x, xd = component(q, qd, slots, params, n, a)
     y, yd = component(q, qd, slots, params, n, a + 1)
     angle = math.atan2(y, x)
-    angle += 2.0 * math.pi * math.floor((near - angle) / (2.0 * math.pi) + 0.5)
+    angle += 2.0 * math.pi * nearest_whole((near - angle) / (2.0 * math.pi))
     return angle, (x * yd - y * xd) / (x * x + y * y)
 
 

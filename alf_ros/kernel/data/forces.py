@@ -21,6 +21,7 @@ class Effects(Struct):
     friction: Addresses  # (effects,) address of friction(), 0 where there is none
     tangent: Addresses  # (effects,) address of tangent(), 0 where there is none or none is needed
     side: Addresses  # (effects,) address of side(), 0 where there is none; (0,) if none is needed
+    undated: Integers  # as `side`; 1: it may jump at instants that it does not tell
     slots: Integers  # (…,) all effects in a row
     params: Floats  # (…,)
     slots_at: Addresses  # (effects,) where an effect's slots begin

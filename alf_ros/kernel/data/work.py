@@ -133,7 +133,7 @@ class Work(Struct):
     trail: Trail
     interval: Floats  # (3,) s: begin, end and length of the step
     companion: Addresses  # (2,) code and struct of what accompanies the steps; else (0,)
-    divider: Addresses  # (2,) the function that finds kinks that steps cross, and the number of
-    # the kind of effects whose force jumps there; else (0,)
+    divider: Addresses  # (3,) the function that finds kinks that steps cross; the number of the
+    # kind of effects whose force jumps there, and 1 if it jumps over time; else (0,)
     follow: Addresses  # (1,) the function that follows the modes of a watched run; else (0,)
     watch: Watch
