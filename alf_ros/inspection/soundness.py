@@ -21,6 +21,7 @@ from alf_ros.errors import AssemblyError
 from alf_ros.inspection.branches_report import Branches, reported
 from alf_ros.inspection.missing_meshes import missing_meshes
 from alf_ros.inspection.position_sweep import Sweep, sweep
+from alf_ros.inspection.potentials import unlike_forces
 from alf_ros.model import assembly, ordinary_positions, singular_branches
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.drives import offset
@@ -108,7 +109,7 @@ def _mechanics(scene: Scene) -> Soundness:
     answers += [*_reactions(scene, usual), _mass(at)]
     answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
     singular = _examined(usual, walk)
-    answers += _on_the_way(usual, walk, singular)
+    answers += [*_on_the_way(usual, walk, singular), *_energy(scene, usual.model, walk)]
     return Soundness(model, at.q, tuple(answers), walk, usual.model.n - usual.rank, singular)
 
 
@@ -407,6 +408,14 @@ def _on_the_way(usual: Linearised, walk: Sweep, singular: Sequence[Branches]) ->
         yield Answer(NOTE, f'  {len(which)} of them', f'{text}; {places}')
     if len(alike) > _KINDS:
         yield Answer(NOTE, '  others', f'of {len(alike) - _KINDS} more kinds')
+
+
+def _energy(scene: Scene, model: Model, walk: Sweep) -> Iterator[Answer]:
+    """Whether potentials of effects of users belong to their forces."""
+    unlike = list(unlike_forces(scene, model, walk.positions))
+    if unlike:
+        text = f'at rest a force is not the slope of its potential: {_list(unlike)}'
+        yield Answer(NOTE, 'energy', text)
 
 
 def _place(model: Model, q: Floats) -> str:

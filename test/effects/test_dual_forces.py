@@ -143,7 +143,7 @@ def test_a_function_without_derivative_is_refused() -> None:
 
 @pytest.mark.parametrize(('kind', 'which'), [case for case in CASES if 'loaded' not in case[1]])
 def test_an_effect_without_side_has_no_branches(kind: str, which: str) -> None:
-    """By the motion: so nobody needs to look for their kinks (`packed_effects`). An effect that has
+    """By the motion: so nobody needs to look for their kinks (`packed_effects`). An effect with
     branches has a `side`."""
     module, at = effects.load(kind), At(kind, which)
     branches = ctypes.CFUNCTYPE(_NUMBER, _NUMBER, *(5 * [_POINTER]))(

@@ -366,3 +366,48 @@ effects: {{gravity: {{acceleration: [0, 0, -9.81]}}}}
     mechanism_plot.draw(tmp_path / 'it.png', found)
     picture = imread(tmp_path / 'it.png')[:, :, :3]
     assert (picture < 0.9).any(axis=2).mean() > 0.005
+
+
+CORD = """
+from dataclasses import dataclass, field
+
+from alf_ros.effects import contract
+from alf_ros.effects.contract.scalars import Measures, push, scalar
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={{'kind': 'coordinate', 'doc': 'its joint'}})
+
+
+def pack(effects, layout):
+    measures = Measures(layout)
+    for effect in effects:
+        measures.add_coordinate(effect.parameters.joint)
+    return measures.packed()
+
+
+@contract.force
+def force(t, q, qd, near, slots, params, Q):
+    x, v = scalar(q, qd, near, slots, params, 0)
+    push(q, slots, params, 0, -30.0 * x - 0.1 * v, Q)
+
+
+@contract.potential
+def potential(t, q, near, slots, params):
+    x, _ = scalar(q, q, near, slots, params, 0)
+    return {} * x * x
+"""
+
+
+@pytest.mark.parametrize(('half', 'off'), [(15.0, ''), (30.0, 'by 50 %'), (-15.0, 'by 200 %')])
+def test_a_potential_belongs_to_its_force(half: float, off: str, tmp_path: Path) -> None:
+    file = tmp_path / 'cord.py'
+    file.write_text(CORD.format(half), 'utf-8')
+    effects = {str(file): {'cord': {'joint': 'crank_pin'}}}
+    scene = load_scene({'name': 'corded', 'mechanism': 'slider_crank', 'effects': effects})
+    said = [each.answer for each in examine(scene).answers if each.question == 'energy']
+    assert len(said) == bool(off)
+    assert all(each.endswith(f'cord {off}') for each in said)
