@@ -137,6 +137,7 @@ def cases() -> Mapping[str, tuple[Scene, tuple[str, ...], str, int]]:
     method = IMPLICIT['integrator']
     return {
         'slider_crank, spring, damper, drag': (crank, TEN['slider_crank'], 'points.B.x', 400),
+        'the same, before its singular pass': (crank, TEN['slider_crank'], 'points.B.x', 350),
         'delta_robot': (delta, TEN['delta_robot'], 'points.C.x', 400),
         f'delta_robot, {method}': (stiff, TEN['delta_robot'], 'points.C.x', 40),
         f'{BARS} four-bars': (row, masses, 'points.B0.x', 200),

@@ -51,7 +51,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(f'{"by":{width}}  {"its value":>14}  {"derivative":>16}  {"for 1 % more":>14}')
     for name, slope in found.by.items():
         value = overrides.number(scene, name)
-        print(f'{name:{width}}  {value:14.6g}  {slope:16.9g}  {0.01 * value * slope:14.3g}')
+        derivative, for_more = slope + 0.0, 0.01 * value * slope + 0.0  # without negative zeros
+        print(f'{name:{width}}  {value:14.6g}  {derivative:16.9g}  {for_more:14.3g}')
     if log.damage or log.absent:  # of a shorter run than the one that was made, maybe
         reason = log.damage or log.absent
         print(f'the log is not whole: it is the run until t = {log.end:.9g} s ({reason})')
