@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from alf_ros.logs import journal, provenance
 from alf_ros.logs.log import node_of
 from alf_ros.logs.resume import Resumed
-from alf_ros.logs.stamps import stamp_ns
+from alf_ros.logs.stamps import message_stamp, stamp_ns
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder, Split
 from alf_ros.simulation.display_geometry import Display
@@ -101,8 +101,9 @@ class RunWriter:
         self._write_text(self._journal, text)
 
     def send(self) -> None:
-        """Write the present state. Raises StepError if it cannot be evaluated."""
-        sample, stamp = self.setup.simulation.sample(), self._stamp
+        """Write the present state. Raises StepError if it cannot be evaluated, or has no stamp."""
+        sample = self.setup.simulation.sample()
+        stamp = message_stamp(sample.t, self._ahead, sample.t)
         for topic, write in self._writers:
             name = self._names[topic.name]
             self._write(name, topic.type, topic.qos, stamp, write(sample, stamp))
