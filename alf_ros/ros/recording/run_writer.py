@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
 _CLOSE = 2e-9  # s: stamps are whole nanoseconds
+_ROUNDED = 4  # of the last places of large times
 _PLACE = ('step', 't', 'seal')  # of an entry, in its own journal
 # `~/energy` says the same in fewer bytes
 RECORDED = tuple(each.name for each in READINGS.values() if each is not ENERGY_PARTS)
@@ -202,4 +203,5 @@ def ticks(run: RunWriter, resumed: Resumed, end: float) -> Iterator[float]:
 def _is_between(instant: float, h: float) -> bool:
     """Whether a logged instant (s) lies between steps of h (s), as with steps that the log does
     not have."""
-    return instant < math.inf and abs(instant - round(instant / h) * h) > _CLOSE
+    close = _CLOSE + _ROUNDED * math.ulp(instant)
+    return instant < math.inf and abs(instant - round(instant / h) * h) > close
