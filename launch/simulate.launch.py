@@ -18,6 +18,7 @@ ARGUMENTS = {
     'start_paused': ('start_paused', bool, '', 'start paused; empty: false'),
     'frame_prefix': ('frame_prefix', str, '', 'before the names of frames, such as left/'),
 }
+SHOWN = 'simulator/markers', 'robot_description', 'tf', 'tf_static'
 TRUE_FALSE = {'true': True, 'false': False}
 
 
@@ -85,6 +86,8 @@ def generate_launch_description():
         executable='rviz2',
         namespace=LaunchConfiguration('namespace'),
         arguments=['-d', config],
+        # The topics of the configuration are those without a namespace.
+        remappings=[(f'/{name}', name) for name in SHOWN],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )
     return LaunchDescription([*declared, *others, OpaqueFunction(function=simulator), view, rviz])

@@ -53,9 +53,10 @@ def _solve(closing: Closing, given: Floats, guess: Floats, speed: float) -> None
 
 
 @inner
-def _are_met(closing: Closing, given: Floats) -> bool:
+def _are_met(closing: Closing, given: Floats, guessed: float) -> bool:
     """Whether the q̇ in `work` has these rates (active,), which no q̇ may have in a dead point.
-    `rates` are then the rates of all joint coordinates."""
+    `rates` are then the rates of all joint coordinates. `guessed`: the largest q̇ of the guess,
+    m/s: its rounding stays where all rates are zero."""
     read(closing, closing.q, closing.turns)
     size, missed, asked, largest = closing.tight.size, 0.0, 0.0, 0.0
     for k in range(closing.rates.size):
@@ -64,7 +65,7 @@ def _are_met(closing: Closing, given: Floats) -> bool:
         length = size if closing.is_angle[n] != 0 else 1.0
         missed = max(missed, length * abs(closing.rates[closing.active[n]] - given[n]))
         asked = max(asked, length * abs(given[n]))
-    return missed <= _MET * asked + _ROUNDED * max(1.0, size) * largest
+    return missed <= _MET * asked + _ROUNDED * (max(1.0, size) * largest + guessed)
 
 
 @compiled
@@ -77,7 +78,10 @@ def rates_at(closing: Closing, given: Floats, speed: float, qd: Floats) -> bool:
     """
     _solve(closing, given, closing.rate, speed)
     copy(closing.work.qd, qd)
-    return _are_met(closing, given)
+    fastest = 0.0
+    for a in range(closing.rate.size):
+        fastest = max(fastest, abs(closing.rate[a]))
+    return _are_met(closing, given, speed * fastest)
 
 
 @compiled
@@ -89,6 +93,6 @@ def rate_matrix(closing: Closing, given: Floats, matrix: Floats) -> None:
         for k in range(given.size):
             given[k] = 1.0 if k == n else 0.0
         _solve(closing, given, closing.rate, 0.0)
-        met = _are_met(closing, given)
+        met = _are_met(closing, given, 0.0)
         for k in range(closing.rates.size):
             matrix[n * closing.rates.size + k] = closing.rates[k] if met else np.nan

@@ -272,7 +272,7 @@ class Log:
     def time(self, stamp: Integers | int) -> Floats:
         """Simulated time (s) of stamps (ns), to the nanosecond."""
         ns = np.asarray(stamp) - self.ahead
-        return np.where(ns == 1, 0, ns) * 1e-9
+        return np.where(ns == 1, 0, ns) / 1e9  # 1e-9 itself is rounded
 
     @property
     def end(self) -> float:

@@ -63,7 +63,7 @@ class Rerun:
     def step_of(self, stamp: int) -> int:
         """The step of a stamp (ns)."""
         ns = stamp - self._ahead
-        return 0 if ns == 1 else round(ns * 1e-9 / self.simulation.h)
+        return 0 if ns == 1 else round(ns / 1e9 / self.simulation.h)
 
     def step_before(self, entry: dict[str, Any]) -> int:
         """The step at which an entry of the journal acts; settings count in their own steps.

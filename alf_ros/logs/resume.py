@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +15,7 @@ from alf_ros.simulation import state_vector
 from alf_ros.simulation.observables import READINGS
 
 _CLOSE = 1e-9  # s: stamps are whole nanoseconds
+_ROUNDED = 4  # of the last places of large times
 
 
 @dataclass
@@ -37,6 +39,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
     waiting: list[dict[str, Any]] = []
     instants = array('d')
     entries, beyond = iter(inputs), False
+    close = _CLOSE + _ROUNDED * math.ulp(log.end)
     for piece in log.pieces([source, '~/inputs']):
         for event in in_order(piece):
             if event.series.topic != source:
@@ -46,7 +49,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
                 continue
             stamp = int(event.series.stamp[event.row])
             t = float(log.time(stamp))
-            beyond = beyond or t > at + _CLOSE
+            beyond = beyond or t > at + close
             if stamp > log.survey.last:
                 continue
             if beyond:
@@ -57,7 +60,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
                 rerun.act(entry)
             waiting, latest = [], event
     first, last = log.time(log.survey.first), log.end
-    if latest is None or at > last + _CLOSE:
+    if latest is None or at > last + close:
         expected = f'from {first:.9g} to {last:.9g} s'
         raise InputError('not within the log', key='--at', value=at, expected=expected)
     _restore(rerun, latest, has_states)

@@ -162,6 +162,8 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         keys = {'not_finite': '1', 'unknown_names': '1', 'wrong_lengths': '2', 'refused': '1'}
         peer.until(lambda: keys.items() <= values(reports[-1], 'input')[2].items(), 'the counts')
         assert len(joints) == before
+        late = re.compile(r'no usable input for .* too far away')
+        peer.until(lambda: late.match(values(reports[-1], 'loops')[1]), 'the reason')
         # out of reach: as far as the loops allow, and said
         talker.publish(message(ns + 10_000_000, encoder=2.5))
         peer.until(
@@ -267,6 +269,13 @@ def test_partial_messages_keep_the_last_values() -> None:
     )
     assert (found.positions, found.rates) == ({'a': 1.0, 'b': 5.0}, {'a': 3.0})
     assert found.missing == [] and heard().missing == ['b', 'a']
+
+
+def test_a_velocity_that_no_joint_has_is_left_out() -> None:
+    """Velocities of 1e300 rad/s were published, without a word."""
+    found = heard({'name': ['e1', 'b'], 'position': [1.0, 2.0], 'velocity': [1e300, 4.0]})
+    assert found.rates == {'b': 4.0} and found.counts['not_finite'] == 1
+    assert found.trouble == 'not_finite: velocity of e1: 1e+300'
 
 
 def test_a_message_has_no_velocities_where_none_exist() -> None:

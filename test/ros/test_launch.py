@@ -95,6 +95,13 @@ def kept(tmp_path, program):
     return arguments, parameters
 
 
+def yaml_topics(config: Path) -> list[str]:
+    """The topics that a configuration of RViz shows."""
+    displays = yaml.safe_load(config.read_text())['Visualization Manager']['Displays']
+    topics = [each.get(key, {}) for each in displays for key in ('Topic', 'Description Topic')]
+    return [topic['Value'] for topic in topics if topic]
+
+
 def test_simulate(launch, tmp_path):
     done = launch('simulate.launch.py', 'scene:=four_bar', 'rate:=100', 'duration:=0.5')
     assert done.returncode == 0, done.stderr
@@ -104,13 +111,19 @@ def test_simulate(launch, tmp_path):
 
 
 def test_simulate_without_a_log_and_shown(launch, tmp_path):
-    shown = 'view:=true', 'rviz:=true'
+    shown = 'view:=true', 'rviz:=true', 'namespace:=left'
     done = launch('simulate.launch.py', 'record:=false', 'duration:=0.1', *shown)
     assert done.returncode == 0, done.stderr
     assert not list(tmp_path.glob('logs/*'))
     arguments, _ = kept(tmp_path, 'rviz2')
     config = Path(arguments[arguments.index('-d') + 1])
     assert config.samefile(ROOT / 'rviz/simulator.rviz')
+    # in a namespace it showed nothing
+    topics = ('/simulator/markers', '/robot_description', '/tf', '/tf_static')
+    assert {f'{topic}:={topic[1:]}' for topic in topics} <= set(arguments)
+    assert '__ns:=/left' in arguments
+    for topic in yaml_topics(config):
+        assert topic in topics
     kept(tmp_path, 'view')
 
 

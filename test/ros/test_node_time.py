@@ -1,6 +1,7 @@
 """Time and state as other programs see them: steps, resets, saved states, another scene."""
 
 import json
+import math
 import time
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from alf_ros import Simulation, load_scene
-from support.ros_node import Diagnostics, SimulatorProcess, journal, read_log
+from alf_ros import Simulation, StepError, load_scene
+from alf_ros.logs import load
+from alf_ros.ros.recording.fork import fork
+from support.ros_node import LIMIT, Diagnostics, SimulatorProcess, journal, read_log
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -185,3 +188,30 @@ def test_slow_motion_and_as_fast_as_it_can(tmp_path, peer, factor, low, high):
             if made > low:
                 break
     assert made > low
+
+
+def test_a_run_ends_where_the_stamps_of_ros_end(tmp_path):
+    """They have 31 bits for the seconds; the node and `fork` ended with a traceback."""
+    scene = tmp_path / 'slow.yaml'
+    scene.write_text(
+        'mechanism: {alf: 1, points: {O: {at: [0, 0], fixed: true}, P: {at: [1, 0]}}, bodies: '
+        '{rod: {points: [O, P], mass: 1, inertia: rod}}, joints: {pin: {type: revolute, between: '
+        '[ground, rod], at: O}}}\n'
+        'sensors: {imu: {body: rod}}\n'
+        'initial: {velocities: {P: [0, 1.0e-7]}}\nsolver: {step: 1.0e+6, integrator: rk4}\n'
+    )
+    fast = {'rate': '1.0e-6', 'real_time_factor': '0.0'}
+    with SimulatorProcess(tmp_path, scene=str(scene), **fast).wait_running() as node:
+        end = time.monotonic() + LIMIT
+        while 'the stamps of ROS end at 2147483647 s' not in node.output:
+            assert time.monotonic() < end, node.output
+            time.sleep(0.05)
+        assert node.stop() == 0, node.output
+        assert 't = 2.147e+09 s: the stamps' in node.output and 'Traceback' not in node.output
+    folder = node.logs[0].parent
+    states = load(folder).states
+    assert states.t[-1] == pytest.approx(2.147e9)
+    assert states.q[-1, 0] == pytest.approx(math.cos(214.7), abs=1e-5)
+    with pytest.raises(StepError, match='the stamps of ROS end'):
+        fork(load(folder), 2.147e9, {}, tmp_path, 'further', duration=2e6)
+    assert load(tmp_path / 'further').states.t == pytest.approx([2.147e9])

@@ -167,6 +167,15 @@ def test_no_velocity_is_told_where_none_exists(slider: Closure) -> None:
     assert posture.joint_rates['guide'] == 0.0
 
 
+def test_joints_that_come_to_rest_have_velocities() -> None:
+    """With rates of zero behind a motion there were none: its rounding is more than nothing."""
+    closure = Closure('delta_robot', ['motor0', 'motor1', 'motor2'])
+    for n, rate in enumerate((0.1, 0.1, 0.0, 1e-12, 0.0)):
+        angles = {'motor0': 0.05, 'motor1': 0.01 * (n % 3), 'motor2': 0.003 * n}
+        posture = closure.close(angles, dict.fromkeys(angles, rate), 1e-3 * n)
+        assert posture.joint_velocities == pytest.approx([rate] * 3, rel=1e-9, abs=1e-14)
+
+
 @pytest.mark.parametrize('noise', [0.0, 1e-5, 1e-4])
 def test_values_that_come_back_from_out_of_reach_are_met(noise: float) -> None:
     """Beyond the dead point by little or much, in one call or more, then back."""

@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 
 from alf_ros.errors import InputError
 
-_LARGEST = 1e9  # rad or m: no joint is there
+_LARGEST = 1e9  # rad or m: no joint is there, and none moves as far in a second
 
 
 def renamed(pairs: Sequence[str], active: Sequence[str]) -> dict[str, str]:
@@ -105,7 +105,7 @@ class ActiveInput:
                 continue
             self.positions[joint], new = position, True
             self.rates.pop(joint, None)
-            if velocities and math.isfinite(velocities[n]):
+            if velocities and abs(velocities[n]) < _LARGEST:
                 self.rates[joint] = velocities[n]
             elif velocities and not math.isnan(velocities[n]):
                 self._note('not_finite', f'velocity of {name}: {velocities[n]}')

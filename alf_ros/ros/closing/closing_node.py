@@ -177,7 +177,7 @@ class CloseNode(Node):
             missing = ', '.join(self._input.missing)
             return 'waiting', f'waiting for {missing} on {self.input}'
         if now - self._heard > self._timeout:
-            return 'old', f'no input for {now - self._heard:.1f} s'
+            return 'old', self._late(now)
         if self._refusal:
             return 'refused', self._refusal
         if posture.missed_by > max(_MISSED, _DEVIATIONS * self._noise):
@@ -185,6 +185,14 @@ class CloseNode(Node):
         if posture.distance < near(self.closure.model):
             return 'near', f'near a singular position: distance {posture.distance:.3g}'
         return '', ''
+
+    def _late(self, now: float) -> str:
+        """Since when no input could be used; and why not, if there was some."""
+        why = self._refusal or self._input.trouble
+        if self._posture is None:
+            return why or 'no input yet'
+        since = f'input for {now - self._heard:.1f} s'
+        return f'no usable {since}: {why}' if why else f'no {since}'
 
     def _report(self, now: float, text: str) -> None:
         """Publish diagnostics; text: the most urgent thing, or empty."""
@@ -206,7 +214,7 @@ class CloseNode(Node):
         wrong = self._input.trouble
         told = {'age_s': age, **counts, 'last_trouble': wrong}
         late = age > self._timeout
-        heard = f'no input for {age:.1f} s' if late else wrong or 'heard'
+        heard = self._late(now) if late else wrong or 'heard'
         statuses = {'loops': loops, 'input': (WARN if late or wrong else OK, heard, told)}
         hardware = self.closure.model.mechanism.name
         name = self.get_fully_qualified_name().lstrip('/')

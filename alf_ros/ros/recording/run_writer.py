@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from alf_ros.logs import journal, provenance
 from alf_ros.logs.log import node_of
 from alf_ros.logs.resume import Resumed
-from alf_ros.logs.stamps import stamp_ns
+from alf_ros.logs.stamps import message_stamp, stamp_ns
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder, Split
 from alf_ros.simulation.display_geometry import Display
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
 _CLOSE = 2e-9  # s: stamps are whole nanoseconds
+_ROUNDED = 4  # of the last places of large times
 _PLACE = ('step', 't', 'seal')  # of an entry, in its own journal
 # `~/energy` says the same in fewer bytes
 RECORDED = tuple(each.name for each in READINGS.values() if each is not ENERGY_PARTS)
@@ -101,8 +102,9 @@ class RunWriter:
         self._write_text(self._journal, text)
 
     def send(self) -> None:
-        """Write the present state. Raises StepError if it cannot be evaluated."""
-        sample, stamp = self.setup.simulation.sample(), self._stamp
+        """Write the present state. Raises StepError if it cannot be evaluated, or has no stamp."""
+        sample = self.setup.simulation.sample()
+        stamp = message_stamp(sample.t, self._ahead, sample.t)
         for topic, write in self._writers:
             name = self._names[topic.name]
             self._write(name, topic.type, topic.qos, stamp, write(sample, stamp))
@@ -201,4 +203,5 @@ def ticks(run: RunWriter, resumed: Resumed, end: float) -> Iterator[float]:
 def _is_between(instant: float, h: float) -> bool:
     """Whether a logged instant (s) lies between steps of h (s), as with steps that the log does
     not have."""
-    return instant < math.inf and abs(instant - round(instant / h) * h) > _CLOSE
+    close = _CLOSE + _ROUNDED * math.ulp(instant)
+    return instant < math.inf and abs(instant - round(instant / h) * h) > close

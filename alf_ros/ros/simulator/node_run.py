@@ -11,9 +11,9 @@ from typing import Any
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from alf_ros.errors import StepError, StoppedError
+from alf_ros.errors import InputError, StepError, StoppedError
 from alf_ros.logs import journal, provenance
-from alf_ros.logs.stamps import stamp_ns
+from alf_ros.logs.stamps import ENDS, LAST, message_stamp, stamp_ns
 from alf_ros.ros.recording.recorder import Recorder, Split
 from alf_ros.ros.simulator import diagnostics
 from alf_ros.ros.simulator.outputs import Outputs
@@ -94,16 +94,20 @@ class NodeRun:
         """Start from `state`, or the initial one.
 
         With `keep_time` the stamps continue a tick after the last, for any time of the state;
-        otherwise they are its time. Raises InputError if the log cannot be written.
+        otherwise they are its time. Raises InputError if the log cannot be written, or if no
+        message can have such a stamp.
         """
         later = self.ahead + round((self.simulation.t + self.setup.tick) * 1e9)
+        first = 0.0 if state is None else state.step * self.simulation.h
+        ahead = later - round(first * 1e9) if keep_time else 0
+        if stamp_ns(first, ahead) > LAST:
+            raise InputError(ENDS, key='t', value=first + ahead * 1e-9)
         self.close()
         if state is None:
             self.simulation.reset()
         else:
             self.simulation.restore(state)
-        self.ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
-        self.failure, self._left = None, 0
+        self.ahead, self.failure, self._left = ahead, None, 0
         self.number += 1
         self.first_step = self.simulation.step_index
         scene = self.setup.scene
@@ -162,7 +166,10 @@ class NodeRun:
         return True
 
     def _make_steps(self) -> None:
-        """Steps of the tick that is under way, for about `BURST`."""
+        """Steps of the tick that is under way, for about `BURST`. Raises StepError, also if there
+        is no stamp for its end."""
+        now, h = self.simulation.t, self.simulation.h
+        message_stamp(now + self._left * h, self.ahead, now)
         begun = time.monotonic()
         end = begun + BURST
         while self._left and begun < end:
