@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,12 +28,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def output(folder: Path, program: str = 'orbit.py') -> str:
+def output(folder: Path, program: str = 'orbit.py', modules: Path = ROOT) -> str:
     """The output of a program in the folder, with the default cache."""
     done = subprocess.run(
         [sys.executable, program],
         cwd=folder,
-        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        env={**os.environ, 'PYTHONPATH': f'{ROOT}:{modules}'},
         capture_output=True,
         text=True,
         check=True,
@@ -68,6 +69,21 @@ def test_an_edit_takes_effect_at_once(folder: Path) -> None:
         os.utime(file, times)
         told.append(output(folder))
     assert told[0] != told[1]
+
+
+def test_an_edit_of_a_module_elsewhere_takes_effect(folder: Path, tmp_path_factory: Any) -> None:
+    """Of one that is neither beside the effect nor installed, and of one that it imports."""
+    modules, told = tmp_path_factory.mktemp('modules'), []
+    ellipse = FILES['orbit.yaml'].replace('P: [0, 2]', 'P: [0, 1.8]')
+    (folder / 'orbit.yaml').write_text(ellipse, 'utf-8')
+    text = FILES['magnet.py'].replace('length**2', 'length**law_of_orbit.POWER')
+    text = text.replace('\nfrom ', '\nimport law_of_orbit\nfrom ', 1)
+    (folder / 'magnet.py').write_text(text, 'utf-8')
+    (modules / 'law_of_orbit.py').write_text('from power_of_orbit import POWER\n', 'utf-8')
+    for power in (2, 3, 2):
+        (modules / 'power_of_orbit.py').write_text(f'POWER = {power}\n', 'utf-8')
+        told.append(output(folder, modules=modules))
+    assert told[0] == told[2] != told[1]
 
 
 def test_documented_effect_takes_few_lines() -> None:

@@ -7,9 +7,9 @@ nothing in it can be old.
 
 - The digest is of alf_ros/kernel, of the folder of this package that the function lies in, of the
   versions of Python, numba, llvmlite and numpy, of the processor, and of numba's settings. For a
-  function of somebody else's file: of that file, of the modules beside or below it that it
-  imports, of alf_ros/kernel and of alf_ros/effects/contract. It is taken when the file is
-  imported; if the sources are no longer the same when the code is saved, it is not saved
+  function of somebody else's file: of that file, of the modules that it imports, unless they are
+  installed elsewhere, of alf_ros/kernel and of alf_ros/effects/contract. It is taken when the
+  file is imported; if the sources are no longer the same when the code is saved, it is not saved
   (`cache_sources`).
 - A file holds one overload. Its name has the digest of the module and of the types of the
   arguments. It is written under another name, then renamed: a reader thus reads all of it. Its

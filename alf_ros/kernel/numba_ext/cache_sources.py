@@ -22,6 +22,8 @@ from typing import Any
 from alf_ros.errors import AlfError
 
 PACKAGE = Path(__file__).resolve().parents[2]
+_INSTALLED = frozenset({'site-packages', 'dist-packages'})
+_LIBRARY = Path(os.__file__).resolve().parent  # of Python itself
 
 
 def digest_of(data: bytes) -> str:
@@ -90,7 +92,7 @@ class Sources:
         parts = [f'{p}\0{text}' for f in package for p, text in _below(f, _imported_as).items()]
         if files:
             folder = next(iter(files)).parent
-            parts += (f'{path.relative_to(folder)}\0{text}' for path, text in files.items())
+            parts += (f'{_name(path, folder)}\0{text}' for path, text in files.items())
         self.digest = digest_of('\n'.join(parts).encode())
 
     @classmethod
@@ -142,8 +144,19 @@ def _as_imported(path: Path, module: dict[str, Any]) -> str:
     return known[2]
 
 
+def _name(path: Path, folder: Path) -> str:
+    """The place of a file, relative to a folder if it lies there: a folder may be moved."""
+    return str(path.relative_to(folder) if path.is_relative_to(folder) else path)
+
+
+def _is_installed(path: Path) -> bool:
+    """Whether a module belongs to Python, or to a package that was installed and is not edited."""
+    return bool(_INSTALLED.intersection(path.parts)) or path.is_relative_to(_LIBRARY)
+
+
 def _with_imported(file: Path, module: dict[str, Any]) -> dict[Path, str]:
-    """Digests of a file, and of the modules beside or below it that it imports, and those do."""
+    """Digests of a file, and of the modules that it imports, and those do: beside or below it, or
+    elsewhere if they are not installed, as of the text of a log, which runs from a new folder."""
     found = {file: _as_imported(file, module)}
     left = [(file, module)]
     while left:
@@ -153,7 +166,7 @@ def _with_imported(file: Path, module: dict[str, Any]) -> dict[Path, str]:
             origin = Path(other.get('__file__') or '/').resolve()
             if origin.suffix != '.py' or origin in found or origin.is_relative_to(PACKAGE):
                 continue
-            if origin.is_relative_to(file.parent):
+            if origin.is_relative_to(file.parent) or not _is_installed(origin):
                 found[origin] = _as_imported(origin, other)
                 left.append((origin, other))
     return {file: found.pop(file), **dict(sorted(found.items()))}
