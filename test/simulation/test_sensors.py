@@ -134,6 +134,8 @@ def test_an_encoder_counts_and_is_late() -> None:
         sample = simulation.sample()
         exact.append(sample.joints['pin'].position)
         sensors.follow(sample)
+        if k == 100:  # a number of an effect is changed
+            sensors = sensors.in_scene(scene)
         if k % 7 == 0:
             (position,) = sensors.read(sample)['encoder']['position']
             if k > 13:

@@ -82,7 +82,8 @@ class SensorOutputs:
         Raises StepError if the state cannot be evaluated.
         """
         if simulation.scene is not self._scene:  # effects have other numbers
-            self._scene, self._sensors = simulation.scene, Sensors(simulation.scene)
+            self._scene = simulation.scene
+            self._sensors = self._sensors.in_scene(simulation.scene)
         due = []
         for label, topic in self._topics.items():
             keep = record and topic.output.recorder is not None

@@ -42,6 +42,15 @@ class Sensors:
         self._delayed = [each for each in self._measures.values() if isinstance(each, _Encoder)]
         self._delayed = [each for each in self._delayed if each.delay]
 
+    def in_scene(self, scene: Scene) -> Sensors:
+        """The same sensors in a scene whose effects have other numbers: encoders remember."""
+        found = Sensors(scene)
+        for label, each in found._measures.items():
+            before = self._measures.get(label)
+            if isinstance(each, _Encoder) and isinstance(before, _Encoder):
+                each.remember(before)
+        return found
+
     @property
     def follows(self) -> bool:
         """Whether a sensor needs to see every sample."""
@@ -223,6 +232,10 @@ class _Encoder(_Measure):
         self._place: int | None = None
         self._past: deque[tuple[float, float]] = deque()  # of the last delay, and one before
         self._last = (math.nan, 0.0)  # time and result of the last measurement
+
+    def remember(self, before: _Encoder) -> None:
+        """Continue with the past of another one."""
+        self._past, self._last = before._past, before._last
 
     def follow(self, sample: Sample) -> None:
         """Remember a position; at an earlier time than the last one, forget those before."""
