@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
@@ -177,6 +177,8 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     first, *rest = name.split('.')
     fields = root.mapping()
     mechanism = fields['mechanism'].mapping()
+    if first == 'effects' and rest and 'effects' in fields:
+        return (first, *_in_effects(fields['effects'].mapping(), '.'.join(rest)))
     if first in ('mechanism', 'effects', 'initial', 'solver'):
         return (first, *rest)
     drives = _drives(fields, mechanism)
@@ -211,6 +213,19 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     if len(found) > 1:
         found = _that_have(root, found, rest, said, name)
     return (*found[0], *rest)
+
+
+def _in_effects(kinds: Iterable[str], name: str) -> tuple[str, ...]:
+    """The keys that lead to a value of an effect. Names of files have dots, and the text of a
+    scene has their digest too."""
+    for kind in kinds:
+        path = kind.partition('#')[0]
+        for way in (kind, path, path.rpartition('/')[2], effects.short_name(kind)):
+            if name == way:
+                return (kind,)
+            if name.startswith(f'{way}.'):
+                return (kind, *name[len(way) + 1 :].split('.'))
+    return tuple(name.split('.'))
 
 
 def _that_have(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import alf_ros
 from alf_ros import InputError, Simulation, load_scene
+from alf_ros.effects import load
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import scene_from_text
 
@@ -66,6 +70,21 @@ def test_a_short_name_is_of_the_one_thing_that_has_it(name: str, place: str) -> 
 def test_names_that_are_proposed_exist(name: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         overrides.with_changes(scene_from_text(ROBOT), {name: '1'})
+
+
+@pytest.mark.parametrize('kind', ['{folder}/wind.py', 'wind.py', 'wind', '{text}'])
+def test_effects_from_files_have_full_names(kind: str, tmp_path: Path) -> None:
+    """Names of files have dots, and the text of a scene has a digest in them."""
+    shutil.copy(load('drag').__file__ or '', tmp_path / 'wind.py')
+    file = tmp_path / 'robot.yaml'
+    file.write_text(ROBOT + '  wind.py: {lower: {on: lower, linear: 8.0}}\n', 'utf-8')
+    scene = load_scene(file)
+    text = list(scene.document.root.mapping()['effects'].mapping())[-1]
+    name = f'effects.{kind.format(folder=tmp_path, text=text)}.lower.linear'
+    assert overrides.number(scene, name) == 8.0
+    changed = overrides.with_changes(scene, {name: '9'})
+    assert changed.text == overrides.with_changes(scene, {'lower.linear': '9'}).text != scene.text
+    assert list(Simulation(scene, tangents=[name]).sample().tangents) == [name]
 
 
 def test_a_coupling_has_a_short_name() -> None:

@@ -19,6 +19,7 @@ from alf_ros.studies.identification.least_squares_fit import is_stalled
 from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.robust_loss import NAMES, rooted, spread
+from alf_ros.studies.identification.shared_numbers import Shared
 from alf_ros.studies.identification.window import Window, cut
 from alf_ros.studies.identification.window_runs import WindowRuns
 from support.recordings import Machine, changed, pushes
@@ -283,11 +284,28 @@ def test_whiteness() -> None:
 def test_a_fit_that_ends_on_a_slopeis_stalled() -> None:
     """Not at a minimum, not at a bound that holds it, not where only rounding is left."""
     J, x = np.array([[1.0, 0.0], [0.0, 2.0], [1.0, 1.0]]), np.array([1.0, 3.0])
-    free, low = np.full(2, np.inf), np.array([1.0, -np.inf])
+    endless, size = np.full(2, np.inf), np.ones(2)
+    free = Shared(x, -endless, endless, x, endless, size)
+    held = replace(free, lower=np.array([1.0, -np.inf]))
     across = np.array([-2.0, -1.0, 2.0])  # Jᵀ across = 0
     assert np.abs(J.T @ across).max() == 0.0
-    assert not is_stalled(across, J, x, -free, free, 2)
+    assert not is_stalled(across, J, x, free)
     slope = across + J @ np.array([0.5, 0.0])
-    assert is_stalled(slope, J, x, -free, free, 2)
-    assert not is_stalled(slope, J, x, low, free, 2)
-    assert not is_stalled(1e-9 * slope, J, x, -free, free, 2)
+    assert is_stalled(slope, J, x, free)
+    assert not is_stalled(slope, J, x, held)
+    assert not is_stalled(1e-9 * slope, J, x, free)
+    # as near as a search comes to a bound of zero
+    near_zero, held = np.array([1e-12, 3.0]), replace(free, lower=np.array([0.0, -np.inf]))
+    assert not is_stalled(slope, J, near_zero, held)
+    assert is_stalled(slope, J, near_zero, free)
+
+
+def test_no_slope_where_only_a_step_beyond_the_bounds_would_gain() -> None:
+    """Two numbers of which only the sum is seen, but for a jacobian that is a little off."""
+    J, x = np.array([[1.0, 1.0], [0.0, 1e-4], [1.0, 1.0]]), np.array([1.0, 3.0])
+    endless = np.full(2, np.inf)
+    free = Shared(x, -endless, endless, x, endless, np.ones(2))
+    positive = replace(free, lower=np.zeros(2))
+    value = np.array([-1.0, 1.0, 1.0])
+    assert is_stalled(value, J, x, free)
+    assert not is_stalled(value, J, x, positive)

@@ -248,6 +248,17 @@ def test_prior_and_bounds() -> None:
     assert bound['coupler.mass'] == pytest.approx(1.1, rel=1e-5)
 
 
+def test_a_number_that_ends_at_zero_is_at_its_bound() -> None:
+    """The crank of the scene is too heavy already, without the armature that is fitted."""
+    motor = {'drive': {'joint': 'crank_pin', 'armature': 0.05}}
+    geared = load_scene({**SLIDER_CRANK, 'effects': {**SLIDER_CRANK['effects'], 'motor': motor}})
+    numbers = {'crank.mass': 1.2, 'coupler.mass': 1.3, 'pin.viscous': 0.4}
+    geared = changed(geared, numbers)
+    found = identify(geared, machine().recording(2e-3), ['drive.armature'], window=0.5)
+    assert found['drive.armature'] < 1e-6 and found.at_bounds == ('drive.armature',)
+    assert found.settled
+
+
 def test_outliers_with_a_robust_loss() -> None:
     """One measurement of twenty is off by 0.1: huber does not follow."""
     clean = machine().recording(2e-3)

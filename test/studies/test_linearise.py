@@ -217,6 +217,28 @@ def test_eigenvalues_of_zero_but_for_rounding_have_no_damping() -> None:
         assert np.isnan(model.damping_ratios).tolist() == [True] * 2 + [False] * 4
 
 
+def test_eigenvalues_about_a_motion_do_not_tell_its_stability() -> None:
+    """Directions do not turn with a flywheel, so neighbours of its motion seem to swing."""
+    points = {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [0.1, 0]}}
+    wheel = {'points': ['O', 'A'], 'mass': 1.0, 'inertia': {'about_com': 0.1}, 'com': [0, 0]}
+    hub = {'type': 'revolute', 'between': ['ground', 'wheel'], 'at': 'O'}
+    mechanism = {
+        'alf': 1,
+        'points': points,
+        'bodies': {'wheel': wheel},
+        'joints': {'hub': hub},
+    }
+    for speed in (0.0, 2.0):
+        initial = {'velocities': {'A': [None, speed]}}
+        simulation = Simulation(load_scene({'mechanism': mechanism, 'initial': initial}))
+        model = linearise(simulation)
+        turns = simulation.sample().velocities['A'][1] / 0.1 / (2.0 * np.pi)
+        assert model.frequencies[0] == pytest.approx(turns, abs=1e-12)
+        assert ['whether the motion is stable' in note for note in model.notes] == [True] * (
+            speed > 0.0
+        )
+
+
 def test_none_in_a_singular_position() -> None:
     upright = {'A': [0, 1], 'B': [0, 0]}
     scene = load_scene(

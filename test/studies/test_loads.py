@@ -340,6 +340,33 @@ def test_actuators_that_lose_a_direction() -> None:
     assert 'not determined' in found.notes[0]
 
 
+@pytest.mark.parametrize('bearings', [{}, {'stiffness': {'translation': 1e6}}])
+def test_shares_of_redundant_joints_are_noted(bearings: dict[str, Any]) -> None:
+    """Three parallel cranks: rigid bodies leave their shares open, and bearings decide."""
+    points, bodies, joints = dict[str, Any](), dict[str, Any](), dict[str, Any]()
+    for k in range(3):
+        points |= {f'O{k}': {'at': [k, 0], 'fixed': True}, f'A{k}': {'at': [k + 0.5, 0.8]}}
+        bodies[f'crank{k}'] = {'points': [f'O{k}', f'A{k}'], 'mass': 1.0, 'inertia': 'rod'}
+        for name, between, at in (
+            (f'foot{k}', ['ground', f'crank{k}'], f'O{k}'),
+            (f'head{k}', [f'crank{k}', 'plate'], f'A{k}'),
+        ):
+            joints[name] = {'type': 'revolute', 'between': between, 'at': at, **bearings}
+    plate = {'points': ['A0', 'A1', 'A2'], 'mass': 3.0, 'inertia': {'about_com': 0.2}}
+    bodies['plate'] = {**plate, 'com': [1.0, 0.0]}
+    scene = {
+        'mechanism': {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints},
+        'effects': {'gravity': {'acceleration': [0, -9.81]}},
+        'drives': {'turn': {'joint': 'foot0', 'angle': '1.0 + 0.2*t'}},
+    }
+    found = loads(load_scene(scene), times=[0.0, 0.5])
+    if bearings:
+        assert not found.notes
+    else:
+        assert 'shares of the load in foot0, head0, ' in found.notes[0]
+        assert found.is_possible
+
+
 def test_parts_of_a_motion_have_the_bits_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Many instants are computed in several calls, so that an interruption is heard between."""
     whole = loads(crank('pi/4 + t'), ['crank_pin', 'knee'], times=TIMES)

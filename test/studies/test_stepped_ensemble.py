@@ -165,6 +165,8 @@ def test_a_member_that_fails_waits_until_it_is_reset():
         ({'members': 2, 'efforts': ['crank']}, "did you mean 'crank_pin'"),
         ({'members': 2, 'observations': ['points.B.z']}, 'points.B'),
         ({'members': 2, 'steps': 0}, 'steps'),
+        ({'members': 2, 'seed': 5}, '^seed: nothing is drawn.*expected vary'),
+        ({'members': 2, 'sampling': 'sobol'}, '^sampling: nothing is drawn'),
         (
             {'members': 2, 'integrator': 'esdirk43'},
             "^integrator: member 0: only explicit .*'esdirk43'$",

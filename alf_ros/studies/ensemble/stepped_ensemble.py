@@ -24,6 +24,7 @@ from alf_ros.studies.ensemble.study_reading import study_of
 
 _AXES = 'xyz'
 MOST_MEMBERS = 1_000_000  # all of them are in memory; a study takes more
+_ALIKE = 'nothing is drawn: all members are alike'
 _DIFFER = 'members differ in structure'
 
 
@@ -67,6 +68,9 @@ class Ensemble:
             scenes = [given.scene_of(k) for k in range(count)]
             self._members = [Simulation(each, **settings) for each in scenes]
         else:
+            for key, value, default in (('seed', seed, 0), ('sampling', sampling, 'random')):
+                if value != default:
+                    raise InputError(_ALIKE, key=key, value=value, expected='vary beside it')
             count = check.whole(members, 'members', 1, MOST_MEMBERS)
             first = Simulation(loaded, **settings)
             self._members = [first, *(copy.copy(first) for _ in range(count - 1))]

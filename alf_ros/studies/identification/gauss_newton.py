@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
 
-ROUNDING = 1e-6  # of a number: as far from a bound, or as much as a change
+ROUNDING = 1e-6  # of a number, or of its size: as far from a bound, or as much as a change
 
 
 def best_step(value: Floats, J: Floats) -> Floats:
@@ -39,6 +39,7 @@ def secant(J: Floats, moved: Floats, off: Floats) -> Floats:
     return J + np.outer(off, weight / length) if length > 0.0 else J
 
 
-def is_inside(x: Floats, lower: Floats, upper: Floats) -> NDArray[np.bool_]:
-    """Which numbers are away from their bounds."""
-    return np.asarray(np.minimum(x - lower, upper - x) > ROUNDING * np.abs(x))
+def is_inside(x: Floats, lower: Floats, upper: Floats, size: Floats) -> NDArray[np.bool_]:
+    """Which numbers are away from their bounds; `size`: of each, since a bound may be zero."""
+    near = ROUNDING * np.maximum(np.abs(x), size)
+    return np.asarray(np.minimum(x - lower, upper - x) > near)

@@ -367,7 +367,7 @@ def _free(window: Window) -> Floats:
 
 
 def _at_bounds(shared: Shared, found: Floats, names: Sequence[str]) -> tuple[str, ...]:
-    near = _AT_BOUND * np.maximum(np.abs(found), 1e-300)
+    near = _AT_BOUND * np.maximum(np.abs(found), shared.size)  # a bound may be zero
     at = (found - shared.lower <= near) | (shared.upper - found <= near)
     return tuple(name for name, yes in zip(names, at.tolist(), strict=True) if yes)
 

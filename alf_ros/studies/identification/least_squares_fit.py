@@ -98,7 +98,7 @@ def solve(
         free = tuple(problem.starts(found.x))
         return Solution(found.x[:P], free, found.reason, found.settled, tried.count)
     reason, settled = _ENDS[done.status], done.status > 0
-    if settled and is_stalled(done.fun, done.jac, done.x, lower, upper, P):
+    if settled and is_stalled(done.fun, done.jac, done.x, shared):
         reason, settled = _JUMPS, False
     if tried.failure is not None and done.status <= 0:
         reason += f'; the last failure of a run: {tried.failure}'
@@ -114,7 +114,7 @@ def finished(windows: WeighedWindows, solution: Solution, shared: Shared) -> Sol
     x = np.concatenate([solution.shared, *solution.free])
     value, J = problem.linearised(x)
     used = np.ones(x.size, dtype=bool)
-    used[:P] = is_inside(solution.shared, shared.lower, shared.upper)
+    used[:P] = is_inside(solution.shared, shared.lower, shared.upper, shared.size)
     moved = np.sqrt(2.0 * best_gain(value, beside(J[:, P:], J[:, :P][:, used[:P]])))
     if moved <= _SOLVED:
         return solution
@@ -210,15 +210,21 @@ class _Problem:
         return value, found
 
 
-def is_stalled(value: Floats, J: Floats, x: Floats, lower: Floats, upper: Floats, P: int) -> bool:
-    """Whether a step inside the bounds, that changes one of the P first numbers by more than
-    rounding, would make ½ |value|² much smaller."""
-    inside = is_inside(x, lower, upper)
-    if best_gain(value, J[:, inside]) <= _STALLED * 0.5 * float(value @ value):
-        return False
+def is_stalled(value: Floats, J: Floats, x: Floats, shared: Shared) -> bool:
+    """Whether a step inside the bounds, that changes one of the shared numbers, the first of x, by
+    more than rounding, would make ½ |value|² much smaller."""
+    P, inside = shared.size.size, np.ones(x.size, dtype=bool)
+    inside[:P] = is_inside(x[:P], shared.lower, shared.upper, shared.size)
     step = np.zeros(x.size)
     step[inside] = best_step(value, J[:, inside])
-    return bool((np.abs(step[:P]) > ROUNDING * np.abs(x[:P])).any())
+    moved, ends = step[:P], np.where(step[:P] > 0.0, shared.upper, shared.lower)
+    moves = moved != 0.0
+    # along what no residual sees a step is as long as rounding makes it
+    part = ((ends - x[:P])[moves] / moved[moves]).min(initial=1.0)
+    gain = part * (2.0 - part) * best_gain(value, J[:, inside])
+    if gain <= _STALLED * 0.5 * float(value @ value):
+        return False
+    return bool((np.abs(part * moved) > ROUNDING * np.abs(x[:P])).any())
 
 
 class _Tried:

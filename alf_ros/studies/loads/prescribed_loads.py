@@ -79,7 +79,7 @@ def history_of(
         efforts=found.efforts,
         short=found.short,
         missing=found.missing,
-        notes=_notes(bare, solver, path, found),
+        notes=_notes(carrier, bare, solver, path, found),
         sampled=lambda: _sampled(carrier, bare, solver, path, found),
     )
 
@@ -159,12 +159,18 @@ def _with_limits(
 
 
 def _sampled(
-    carrier: Carrier, bare: Simulation, solver: InverseDynamics, path: Motion, found: NeededEfforts
+    carrier: Carrier,
+    bare: Simulation,
+    solver: InverseDynamics,
+    path: Motion,
+    found: NeededEfforts,
+    most: int | None = None,
 ) -> list[Sample]:
-    """The motion as samples of the mechanism that the actuators move, at regular instants: in a
-    singular position, reactions feel the rounding of an effort over the distance to it."""
+    """The motion as samples of the mechanism that the actuators move, at regular instants, or the
+    first ones: in a singular position, reactions feel the rounding of an effort over the distance
+    to it."""
     samples, before = [], bare.state.inputs
-    for k in np.flatnonzero(found.is_regular):
+    for k in np.flatnonzero(found.is_regular)[:most]:
         bare._run.hold(solver.held(found.efforts[k]))
         samples.append(bare._sample(float(path.t[k]), carrier.state(path, int(k)), False))
     bare._run.hold(before)
@@ -172,7 +178,7 @@ def _sampled(
 
 
 def _notes(
-    bare: Simulation, solver: InverseDynamics, path: Motion, found: NeededEfforts
+    carrier: Carrier, bare: Simulation, solver: InverseDynamics, path: Motion, found: NeededEfforts
 ) -> tuple[str, ...]:
     """Conditions of the result, a sentence each."""
     notes, count = [], len(solver.names)
@@ -200,4 +206,11 @@ def _notes(
             f'the actuators cannot make this motion{worst} at t = {path.t[k]:.6g} s, '
             f'{math.ceil(100.0 * short[k])}% of the largest forces'
         )
+    for sample in _sampled(carrier, bare, solver, path, found, 1):
+        open_ = [name for name, each in sample.reactions.items() if each.indeterminate]
+        if open_:
+            notes.append(
+                f'joints are redundant: the shares of the load in {", ".join(open_)} are one '
+                'solution of many'
+            )
     return tuple(notes)

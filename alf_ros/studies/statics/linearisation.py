@@ -50,6 +50,10 @@ _AWAY = (3e-3, 3e-4, 3e-5, 3e-6, 3e-7, 3e-8, 3e-9, 3e-10, 3e-11)
 _KINKED = 1e-2
 _TARGET = 1e-4  # of the typical size of a target, of a difference: a motor may reach its limit
 _ROUNDED = 1e-12  # of the largest in a row of C or D, that is rounding of the differences
+_MOVING = (
+    'about an instant of a motion: its directions do not turn with the bodies, so a wheel that '
+    'turns steadily has a frequency, and eigenvalues do not say whether the motion is stable'
+)
 
 
 def linearise(
@@ -83,6 +87,8 @@ def linearise(
     names, units = _outputs(sample, outputs)
     C = charted.slopes(names)
     notes = ['the loads of friction are held'] if rubbing.size else []
+    if instant.qd.any():
+        notes.append(_MOVING)
     if not isinstance(about, Simulation):
         notes += standing_still(instant.model, t)
     notes += read_at(instant)
