@@ -239,6 +239,14 @@ def test_eigenvalues_about_a_motion_do_not_tell_its_stability() -> None:
         )
 
 
+def test_outputs_that_are_one_of_many_are_noted() -> None:
+    """How the wheels of one axle share the side force is open; how they turn is not."""
+    names = ['left_tyre.force.y', 'left_hub.position']
+    at_rest = load_scene('wheeled_robot').at_rest()
+    model = linearise(Simulation(at_rest), outputs=names)
+    assert model.notes == ('joints are redundant, and one solution of many: ' + model.outputs[0],)
+
+
 def test_none_in_a_singular_position() -> None:
     upright = {'A': [0, 1], 'B': [0, 0]}
     scene = load_scene(

@@ -97,6 +97,10 @@ def linearise(
     kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]
     if kinked:
         notes.append(f'in a kink, without a slope (NaN): {", ".join(kinked)}')
+    reactions = [name for name in names if name.startswith('reactions.')]
+    shared = [name for name in reactions if sample.reactions[name.split('.')[1]].indeterminate]
+    if shared:
+        notes.append(f'joints are redundant, and one solution of many: {", ".join(shared)}')
     B = np.zeros((len(A), len(named)))
     places = instant.position_directions.shape[1]
     sizes = _sizes(instant, sample, A, named)
