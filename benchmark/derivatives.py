@@ -2,10 +2,10 @@
 
     .venv/bin/python benchmark/derivatives.py [--without-errors]
 
-Cost, in benchmark/results/derivatives.csv: the processor time of a run with one tangent, with all
-tangents, and of a run that is written down and taken back, over the time of the run without them,
-in turns, medians of 21 such ratios; and the time of reading the scene around a number, which is
-spent once.
+Cost, in benchmark/results/derivatives.csv, or derivatives_avx2.csv if a register has 4 numbers:
+the processor time of a run with one tangent, with all tangents, and of a run that is written down
+and taken back, over the time of the run without them, in turns, medians of 21 such ratios; and the
+time of reading the scene around a number, which is spent once.
 Errors, in derivative_errors.csv: the largest error of the positions of a run of 10 s and 11 or 10
 singular passes; the largest error of each tangent beside the variational equation of the one
 angle, both in parts of the largest value; and the ratio of these two.
@@ -30,6 +30,7 @@ from results_file import RESULTS  # sets the path
 
 # isort: split
 from alf_ros import Scene, Simulation, load_scene
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.logs.provenance import about
 from alf_ros.scene.overrides import with_changes
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
@@ -70,7 +71,7 @@ TEN = {
 }
 IMPLICIT = {'integrator': 'esdirk43', 'step': '1e-3'}
 BARS = 50  # four-bars in a row, each link with a mass of its own
-COST = RESULTS / 'derivatives.csv'
+COST = RESULTS / ('derivatives.csv' if width() > 4 else 'derivatives_avx2.csv')
 ERRORS = RESULTS / 'derivative_errors.csv'
 STEPS = tuple(1e-2 / parts for parts in (3.0, 7.0, 9.0, 13.0))  # s, odd ones
 TOLERANCES = 10.0 ** -np.arange(4.0, 12.0)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 
 from peer_tables import draw, engines, peers
 from results_file import RESULTS, ROOT, markdown, rows
@@ -270,9 +271,9 @@ def identification() -> str:
     return markdown(about, head, body)
 
 
-def derivatives() -> str:
+def derivatives(file: str) -> str:
     """The cost of tangents and gradients."""
-    about, found = rows('derivatives.csv')
+    about, found = rows(file)
     head = 'scene | numbers | a step, µs | run with one tangent, runs | with all, runs '
     head += '| run and pass back, runs | reading, ms a number'
     return markdown(about, head, [list(row.values()) for row in found])
@@ -336,7 +337,8 @@ TABLES = (
     ('closure_passes', closure_passes),
     ('robots', robots),
     ('identification', identification),
-    ('derivatives', derivatives),
+    ('derivatives', partial(derivatives, 'derivatives.csv')),
+    ('derivatives_avx2', partial(derivatives, 'derivatives_avx2.csv')),
     ('derivative_errors', derivative_errors),
     ('coarse_steps', coarse_steps),
     ('trees', trees),
