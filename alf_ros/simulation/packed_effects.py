@@ -106,18 +106,18 @@ def kinds_of(
         friction = module.friction.address if rubs else 0
         rubbing = instances if rubs else ()
         tangent = module.tangent.address if asked.tangents and hasattr(module, 'tangent') else 0
-        side = 0 if packed.smooth else _side(kind, module, asked)
+        undated = not (hasattr(module, 'side') or packed.instants.size)
+        side = 0 if packed.smooth else _side(kind, module, asked, undated)
         within = asked.intervals and packed.intervals > 0
         interval = module.interval.address if within else 0
         addresses = module.force.address, potential, friction, tangent, side
-        undated = not (hasattr(module, 'side') or packed.instants.size)
         kinds.append(PackedKind(kind, *addresses, undated, interval, packed, rubbing))
     return kinds
 
 
-def _side(kind: str, module: ModuleType, asked: AskedFunctions) -> int:
+def _side(kind: str, module: ModuleType, asked: AskedFunctions, undated: bool) -> int:
     """The function that tells the sides of kinks. Derivatives find branches also of an effect that
-    has none; ours that have none have no kinks."""
+    has none, over time if it does not give instants; ours that have none have no kinks."""
     if hasattr(module, 'side'):
         asks = asked.sides or asked.branches
         return int(module.side.address) if asks else 0
@@ -125,7 +125,7 @@ def _side(kind: str, module: ModuleType, asked: AskedFunctions) -> int:
         return 0
     from alf_ros.effects.contract.force_branches import force_branches
 
-    return force_branches(module.force._pyfunc)
+    return force_branches(module.force._pyfunc, undated)
 
 
 def _by_kind(effects: Sequence[Effect]) -> dict[str, list[Effect]]:

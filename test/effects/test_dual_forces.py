@@ -147,7 +147,7 @@ def test_an_effect_without_side_has_no_branches(kind: str, which: str) -> None:
     branches has a `side`."""
     module, at = effects.load(kind), At(kind, which)
     branches = ctypes.CFUNCTYPE(_NUMBER, _NUMBER, *(5 * [_POINTER]))(
-        force_branches(module.force._pyfunc)
+        force_branches(module.force._pyfunc, False)
     )
     rng, found = np.random.default_rng(5), set()
     for size in (*20 * [1e-3], *20 * [1.0], *20 * [30.0]):

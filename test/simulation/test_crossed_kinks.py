@@ -184,10 +184,10 @@ KINKS = {
 }
 
 
-def with_law(law: str, folder: Path) -> Scene:
+def with_law(law: str, folder: Path, head: str = HEAD) -> Scene:
     """The pendulum with an own effect that does not tell its sides."""
     file = folder / 'law.py'
-    file.write_text(f'import math\n{HEAD}{LAW.format(law)}', 'utf-8')
+    file.write_text(f'import math\n{head}{LAW.format(law)}', 'utf-8')
     EFFECTS['law'] = {str(file): {'law': {'joint': 'pin', 'torque': 300.0, 'behind': 0.4}}}
     return pendulum('law')
 
@@ -222,3 +222,34 @@ def test_a_force_that_jumps_at_an_instant(instant: str, t: float, tmp_path: Path
         assert simulation.t == pytest.approx(t, abs=1e-9)
         with pytest.raises(StepError, match=said):
             gradient(Simulation(scene, **settings), 'final(pin.position)', ['m'], 1.0)
+
+
+TABLE = """
+from alf_ros.effects.contract.piecewise import instants, interpolate, pieces
+
+ROWS = [[-3.0, 8.0], [-0.9, 5.0], [-0.4, 1.0], [0.1, -1.0], [0.5, 0.0]]
+TABLE = pieces(ROWS, cubic={})
+"""
+
+
+@pytest.mark.parametrize(
+    ('cubic', 'x', 'same'), [(True, 'x', True), (False, 'x', False), (False, 't', True)]
+)
+def test_a_spline_and_known_instants_take_no_pieces(
+    cubic: bool, x: str, same: bool, tmp_path: Path
+) -> None:
+    """A spline has no kinks, and adaptive steps end at instants that an effect gives: derivatives
+    leave the bits of the motion."""
+    head = HEAD + TABLE.format(cubic)
+    head = head.replace('parameters.behind]', 'parameters.behind, *TABLE]')
+    if x == 't':
+        said = 'contract.Packed(found.slots, found.params, found.directions, instants=times)'
+        given = f'found = measures.packed()\n    times = instants(ROWS)\n    return {said}'
+        head = head.replace('return measures.packed()', given)
+    scene = with_law(f'interpolate(params, at + 2, {x})', tmp_path, head)
+    settings: dict[str, Any] = {'step': 1e-3, 'integrator': 'rk4'}
+    followed, plain = Simulation(scene, tangents=['m'], **settings), Simulation(scene, **settings)
+    for simulation in (followed, plain):
+        simulation.step(600)
+    assert plain.sample().joints['pin'].position < -1.0
+    assert (followed.state.q.tobytes() == plain.state.q.tobytes()) == same

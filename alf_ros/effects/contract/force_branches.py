@@ -18,10 +18,10 @@ from alf_ros.kernel.numba_ext.jit import by_address, shared
 
 
 @cache
-def force_branches(function: Callable[..., None]) -> int:
+def force_branches(function: Callable[..., None], over_time: bool) -> int:
     """`force(t, q, qd, near, slots, params, Q)` of an effect, the plain function, as a `side`:
-    the address of a function that gives another number on the other side of a branch by the time
-    or by the motion. 0 if it has no derivative, of which a message tells elsewhere.
+    the address of a function that gives another number on the other side of a branch by the
+    motion, or `over_time`. 0 if it has no derivative, of which a message tells elsewhere.
     """
     inside = shared(function)
 
@@ -30,10 +30,12 @@ def force_branches(function: Callable[..., None]) -> int:
     ) -> float:
         note = new_note()
         moving = watched(q, note), watched(qd, note)
-        inside(branch_number(t, note), *moving, near, slots, params, unread(note))
+        when = branch_number(t, note) if over_time else t
+        inside(when, *moving, near, slots, params, unread(note))
         return float(note[0])
 
+    variant = '-over-time' if over_time else '-by-motion'
     try:
-        return int(by_address(SIDE, of=function)(branches).address)
+        return int(by_address(SIDE, of=function, variant=variant)(branches).address)
     except NumbaError:
         return 0

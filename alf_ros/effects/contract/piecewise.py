@@ -16,6 +16,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.scalars import shared
 from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.kernel.numba_ext.branch_notes import note_branch, plain_value
 from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.splines import cubic_spline
 
@@ -121,15 +122,26 @@ def spline_instants(spline: CubicSpline) -> Floats:
 
 @shared
 def _piece(params: Floats, at: int, x: float) -> int:
-    points = int(params[at])
+    points, value = int(params[at]), plain_value(x)
     low, high = 0, points  # number of points that are not beyond x
     while low < high:
         middle = (low + high) // 2
-        if params[at + 1 + middle] <= x:
+        if params[at + 1 + middle] <= value:
             low = middle + 1
         else:
             high = middle
-    return at + 1 + points + 8 * low
+    p = at + 1 + points + 8 * low
+    note_branch(x, -1 if _is_curved(params, p) else low)
+    return p
+
+
+@shared
+def _is_curved(params: Floats, p: int) -> bool:
+    """Whether a piece is one of a spline, which has no kinks."""
+    for i in range(3, 7):
+        if params[p + i] != 0.0:
+            return True
+    return False
 
 
 @shared
@@ -158,10 +170,7 @@ def side_of(params: Floats, at: int, x: float) -> float:
     """A number that differs between the sides of a kink: the slope of a straight piece, one and
     the same number for all pieces of a spline."""
     p = _piece(params, at, x)
-    for i in range(3, 7):
-        if params[p + i] != 0.0:
-            return _CURVED
-    return params[p + 2]
+    return _CURVED if _is_curved(params, p) else params[p + 2]
 
 
 @shared

@@ -21,9 +21,9 @@ from alf_ros import columns
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import Packed
 from alf_ros.effects.contract.gap_vectors import push_distance, size, vector, vector_rate
+from alf_ros.kernel.numba_ext.branch_notes import nearest_whole
 from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.jit import shared as shared
-from alf_ros.kernel.numba_ext.nearest_whole import nearest_whole
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.mechanism import GROUND, Numbers
 from alf_ros.mechanism.affine import Form, constant

@@ -30,6 +30,7 @@ from numba.extending import (
     register_model,
 )
 
+from alf_ros.kernel.numba_ext.branch_notes import note_branch
 from alf_ros.kernel.numba_ext.dual_numbers import (
     COMPARED,
     RULES_OF_ONE,
@@ -49,6 +50,8 @@ _FACTOR, _MODULUS = 1_000_003, 2_147_483_647  # of a note, which a double holds 
 
 class BranchType(types.Type):
     """A number, and where its branches are noted. A plain number has nowhere."""
+
+    notes_branches = True
 
     def __init__(self) -> None:
         super().__init__('branch number')
@@ -178,7 +181,7 @@ def _rule(function: Callable[..., Any]) -> Any:
 
 @_rule
 def _note(x: Any, taken: Any) -> None:
-    """Note a whole number that tells a branch."""
+    """Write a whole number down that tells a branch."""
     if _is_noted(x):
         x.note[0] = (x.note[0] * _FACTOR + taken % _MODULUS + 7) % _MODULUS
 
@@ -293,6 +296,11 @@ def _plus_product(total: Any, factor: Any, x: Any) -> Any:
     if not _some(total, factor, x):
         return None
     return lambda total, factor, x: total + factor * x
+
+
+@overload(note_branch, **_OPTIONS)
+def _note_branch(x: Any, number: Any) -> Any:
+    return (lambda x, number: _note(x, number)) if x == BRANCH else None
 
 
 @overload(operator.getitem, **_OPTIONS)

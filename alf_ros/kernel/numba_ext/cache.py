@@ -61,13 +61,13 @@ def misses() -> int:
 class Cache(_Cache):
     """The overloads of one function."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], variant: str = '') -> None:
         code = function.__code__
         self._function = function
         self._enabled = True
         self._sources = Sources.of(function)
         stem, _ = os.path.splitext(os.path.basename(code.co_filename))
-        name = f'{stem}.{function.__qualname__}-{code.co_firstlineno}'
+        name = f'{stem}.{function.__qualname__}{variant}-{code.co_firstlineno}'
         self._name = name.replace('<', '').replace('>', '')
         self._folder: Folder | None = None
         self._turns: list[contextlib.ExitStack] = []

@@ -36,9 +36,9 @@ from numba.extending import (
     register_model,
 )
 
+from alf_ros.kernel.numba_ext.branch_notes import nearest_whole, plain_value
 from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.lane_numbers import LanesType, anywhere, pick
-from alf_ros.kernel.numba_ext.nearest_whole import nearest_whole
 
 _REAL = (types.Float, types.Integer, types.Boolean)
 _NUMBER = 8  # bytes
@@ -326,6 +326,7 @@ _conversion(_rule(lambda x: int(math.floor(x.value))), math.floor)
 _conversion(_rule(lambda x: int(math.ceil(x.value))), math.ceil)
 _conversion(_rule(lambda x: int(x.value)), int)
 _conversion(_rule(lambda x: nearest_whole(x.value)), nearest_whole)
+_conversion(_rule(lambda x: x.value), plain_value)
 _conversion(_rule(lambda x: x), float)
 
 

@@ -85,11 +85,12 @@ expanded = njit(**_options, inline='always')
 
 
 def by_address(
-    signature: Any, of: Callable[..., Any] | None = None
+    signature: Any, of: Callable[..., Any] | None = None, variant: str = ''
 ) -> Callable[[Callable[..., Any]], Any]:
     """A C function, which the kernel calls by its `address`. It is compiled only if needed.
 
-    `of`: the function that a closure passes on; its machine code is kept as code of that one.
+    `of`: the function that a closure passes on; its machine code is kept as code of that one, of
+    this `variant` if closures of one signature differ.
     The function is put into its C function: a call of an effect is one call, not two.
     """
 
@@ -100,7 +101,7 @@ def by_address(
         made: Any = CFunc(
             function, types, locals={}, options={'error_model': 'numpy', 'forceinline': True}
         )
-        made._cache = cache = Cache(function if of is None else of)
+        made._cache = cache = Cache(function if of is None else of, variant)
         cache.guarded(made.compile)()
         return made
 
