@@ -166,6 +166,7 @@ def test_a_member_that_fails_waits_until_it_is_reset():
         ({'members': 2, 'observations': ['points.B.z']}, 'points.B'),
         ({'members': 2, 'steps': 0}, 'steps'),
         ({'members': 2, 'seed': 5}, '^seed: nothing is drawn.*expected vary'),
+        ({'members': 2, 'seed': np.zeros(3)}, '^seed: nothing is drawn.*expected vary'),
         ({'members': 2, 'sampling': 'sobol'}, '^sampling: nothing is drawn'),
         (
             {'members': 2, 'integrator': 'esdirk43'},

@@ -69,7 +69,7 @@ class Ensemble:
             self._members = [Simulation(each, **settings) for each in scenes]
         else:
             for key, value, default in (('seed', seed, 0), ('sampling', sampling, 'random')):
-                if value != default:
+                if not isinstance(value, (int, np.integer, str)) or value != default:
                     raise InputError(_ALIKE, key=key, value=value, expected='vary beside it')
             count = check.whole(members, 'members', 1, MOST_MEMBERS)
             first = Simulation(loaded, **settings)
