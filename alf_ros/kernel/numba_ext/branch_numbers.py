@@ -5,8 +5,8 @@ the result of each comparison, and of whatever else jumps with a value: `abs`, `
 places where the notes differ lie on two sides of a branch. Functions that are not defined for dual
 numbers are not defined for these.
 
-`watched` makes a vector of arguments, `Unread` takes results, which nobody asks for: of the
-function the compiler leaves what decides about its branches.
+`watched` makes a vector of arguments, `unread` one of results that nobody reads: the compiler
+leaves the part of the function that decides about its branches.
 """
 
 from __future__ import annotations
