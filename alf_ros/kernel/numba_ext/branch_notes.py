@@ -8,12 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import types
-from numba.extending import overload
-
-from alf_ros.kernel.numba_ext.fused_product import OPTIONS
-
-_REAL = (types.Float, types.Integer, types.Boolean)
+from alf_ros.kernel.numba_ext.number_types import PLAIN, called_for
 
 
 def nearest_whole(x: Any) -> int:
@@ -31,17 +26,17 @@ def note_branch(x: Any, number: int) -> None:
     """Say that x lies on the branch of this number."""
 
 
-@overload(nearest_whole, **OPTIONS)
+@called_for(nearest_whole)
 def _nearest_whole(x: Any) -> Any:
-    return (lambda x: int(math.floor(x + 0.5))) if isinstance(x, _REAL) else None
+    return (lambda x: int(math.floor(x + 0.5))) if isinstance(x, PLAIN) else None
 
 
-@overload(plain_value, **OPTIONS)
+@called_for(plain_value)
 def _plain_value(x: Any) -> Any:
-    return (lambda x: float(x)) if isinstance(x, _REAL) else None
+    return (lambda x: float(x)) if isinstance(x, PLAIN) else None
 
 
-@overload(note_branch, **OPTIONS)
+@called_for(note_branch)
 def _note_branch(x: Any, number: Any) -> Any:
     if getattr(x, 'notes_branches', False):
         return None

@@ -14,21 +14,12 @@ from __future__ import annotations
 import builtins
 import math
 import operator
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import types
 from numba.core import cgutils
-from numba.core.typeconv import Conversion
-from numba.extending import (
-    intrinsic,
-    lower_cast,
-    make_attribute_wrapper,
-    models,
-    overload,
-    register_model,
-)
+from numba.extending import intrinsic
 
 from alf_ros.kernel.numba_ext.branch_notes import note_branch
 from alf_ros.kernel.numba_ext.dual_numbers import (
@@ -39,96 +30,68 @@ from alf_ros.kernel.numba_ext.dual_numbers import (
     dual,
 )
 from alf_ros.kernel.numba_ext.fused_product import plus_product
+from alf_ros.kernel.numba_ext.number_types import (
+    NumberType,
+    PartsType,
+    converted,
+    inlined,
+    inlined_for,
+    made_of,
+    some,
+)
 
-_REAL = (types.Float, types.Integer, types.Boolean)
-_INLINED = {'error_model': 'numpy', 'forceinline': True}
-_OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': _INLINED}
 _numbers, _notes = types.CPointer(types.float64), types.CPointer(types.int64)
 _SIGNED = (builtins.abs, math.fabs, np.abs)  # rules of one number that jump where it is zero
 _FACTOR, _MODULUS = 1_000_003, 2_147_483_647  # of a note, which a double holds exactly
 
 
-class BranchType(types.Type):
+class BranchType(NumberType):
     """A number, and where its branches are noted. A plain number has nowhere."""
 
+    parts = ('value', 'note')
     notes_branches = True
 
     def __init__(self) -> None:
-        super().__init__('branch number')
-
-    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Whether another type becomes a branch number."""
-        return Conversion.safe if isinstance(other, _REAL) else None
-
-    def unify(self, typingctx: Any, other: Any) -> Any:
-        """The type of a variable that is either."""
-        return self if isinstance(other, _REAL) else None
+        super().__init__('branch number', types.float64, _notes)
 
 
-class WatchedType(types.Type):
+class WatchedType(PartsType):
     """Arguments: a pointer to their values, and where their branches are noted."""
 
+    parts = ('values', 'note')
+
     def __init__(self) -> None:
-        super().__init__('watched numbers')
+        super().__init__('watched numbers', _numbers, _notes)
 
 
-class UnreadType(types.Type):
+class UnreadType(PartsType):
     """Results that nobody reads."""
 
+    parts = ('note',)
+
     def __init__(self) -> None:
-        super().__init__('unread numbers')
+        super().__init__('unread numbers', _notes)
 
 
 BRANCH, WATCHED, UNREAD = BranchType(), WatchedType(), UnreadType()
-_PARTS: dict[Any, list[tuple[str, Any]]] = {
-    BranchType: [('value', types.float64), ('note', _notes)],
-    WatchedType: [('values', _numbers), ('note', _notes)],
-    UnreadType: [('note', _notes)],
-}
-
-
-def _modelled(kind: Any) -> None:
-    class _Model(models.StructModel):
-        def __init__(self, manager: Any, of: Any) -> None:
-            super().__init__(manager, of, _PARTS[kind])
-
-    register_model(kind)(_Model)
-    for name, _ in _PARTS[kind]:
-        make_attribute_wrapper(kind, name, name)
-
-
-for _kind in _PARTS:
-    _modelled(_kind)
-
-
-def _made(kind: Any) -> Any:
-    parts = _PARTS[type(kind)]
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        made = cgutils.create_struct_proxy(kind)(context, builder)
-        for (name, _), value in zip(parts, args, strict=True):
-            setattr(made, name, value)
-        return made._getvalue()
-
-    return kind(*(part for _, part in parts)), code
 
 
 @intrinsic
 def branch_number(typing: Any, value: Any, note: Any) -> Any:
     """A number whose branches are noted."""
-    return _made(BRANCH)
+    return made_of(BRANCH)
 
 
 @intrinsic
 def watched(typing: Any, values: Any, note: Any) -> Any:
     """A vector of such numbers."""
-    return _made(WATCHED)
+    return made_of(WATCHED)
 
 
 @intrinsic
 def unread(typing: Any, note: Any) -> Any:
     """A vector of results that nobody reads."""
-    return _made(UNREAD)
+    return made_of(UNREAD)
 
 
 @intrinsic
@@ -142,24 +105,10 @@ def new_note(typing: Any) -> Any:
     return _notes(), code
 
 
-@lower_cast(types.Float, BranchType)
-@lower_cast(types.Integer, BranchType)
-@lower_cast(types.Boolean, BranchType)
-def _constant(context: Any, builder: Any, of: Any, to: Any, value: Any) -> Any:
-    made = cgutils.create_struct_proxy(to)(context, builder)
-    made.value = context.cast(builder, value, of, types.float64)
-    made.note = cgutils.get_null_value(made.note.type)
-    return made._getvalue()
-
-
 @intrinsic
 def _as_branch(typing: Any, x: Any) -> Any:
     """x, or a number without a note."""
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return context.cast(builder, args[0], sig.args[0], BRANCH)
-
-    return BRANCH(types.unliteral(x)), code
+    return converted(BRANCH, x)
 
 
 @intrinsic
@@ -173,64 +122,48 @@ def _is_noted(typing: Any, x: Any) -> Any:
     return types.boolean(BRANCH), code
 
 
-def _rule(function: Callable[..., Any]) -> Any:
-    from numba import njit
-
-    return njit(function, error_model='numpy', forceinline=True)
-
-
-@_rule
+@inlined
 def _note(x: Any, taken: Any) -> None:
     """Write a whole number down that tells a branch."""
     if _is_noted(x):
         x.note[0] = (x.note[0] * _FACTOR + taken % _MODULUS + 7) % _MODULUS
 
 
-@_rule
+@inlined
 def _noted(x: Any, y: Any) -> Any:
     """The one of two numbers that has a note, if there is one."""
     return x if _is_noted(x) else y
 
 
-@_rule
+@inlined
 def _with(value: Any, x: Any) -> Any:
     return branch_number(value, x.note)
-
-
-def _some(*kinds: Any) -> bool:
-    """Whether all are numbers and one of them is a branch number."""
-    return BRANCH in kinds and all(kind == BRANCH or isinstance(kind, _REAL) for kind in kinds)
-
-
-def _take(matching: Callable[..., Any], functions: tuple[Any, ...]) -> None:
-    for function in functions:
-        overload(function, **_OPTIONS)(matching)
 
 
 def _of_two(rule: Any, functions: tuple[Any, ...]) -> None:
     """Take the rule of dual numbers for these functions."""
 
-    @_rule
+    @inlined
     def made(x: Any, y: Any) -> Any:
         return _with(rule(dual(x.value, 0.0), dual(y.value, 0.0)).value, _noted(x, y))
 
     def matching(x: Any, y: Any) -> Any:
-        return (lambda x, y: made(_as_branch(x), _as_branch(y))) if _some(x, y) else None
+        return (lambda x, y: made(_as_branch(x), _as_branch(y))) if some(BRANCH, x, y) else None
 
-    _take(matching, functions)
+    inlined_for(*functions)(matching)
 
 
 def _compared(rule: Any, functions: tuple[Any, ...]) -> None:
     """Take a rule that compares values; it returns a truth value, or one of both."""
     chooses = functions[0] in (max, min)
 
-    @_rule
+    @inlined
     def compared(x: Any, y: Any) -> Any:
         found = rule(x, y)
         _note(_noted(x, y), int(found))
         return found
 
-    @_rule
+    @inlined
     def chosen(x: Any, y: Any) -> Any:
         found = rule(x, y)
         _note(_noted(x, y), int(x.value < y.value))
@@ -239,19 +172,19 @@ def _compared(rule: Any, functions: tuple[Any, ...]) -> None:
     made = chosen if chooses else compared
 
     def matching(x: Any, y: Any) -> Any:
-        return (lambda x, y: made(_as_branch(x), _as_branch(y))) if _some(x, y) else None
+        return (lambda x, y: made(_as_branch(x), _as_branch(y))) if some(BRANCH, x, y) else None
 
-    _take(matching, functions)
+    inlined_for(*functions)(matching)
 
 
 def _of_one(rule: Any, functions: tuple[Any, ...]) -> None:
     """Take the rule of dual numbers for these functions."""
 
-    @_rule
+    @inlined
     def smooth(x: Any) -> Any:
         return _with(rule(dual(x.value, 0.0)).value, x)
 
-    @_rule
+    @inlined
     def signed(x: Any) -> Any:
         _note(x, int(x.value < 0.0))
         return smooth(x)
@@ -261,13 +194,13 @@ def _of_one(rule: Any, functions: tuple[Any, ...]) -> None:
     def matching(x: Any) -> Any:
         return (lambda x: made(x)) if x == BRANCH else None
 
-    _take(matching, functions)
+    inlined_for(*functions)(matching)
 
 
 def _whole(rule: Any, functions: tuple[Any, ...]) -> None:
     """Take a rule that gives a whole number, or the number itself."""
 
-    @_rule
+    @inlined
     def rounded(x: Any) -> Any:
         found = rule(x)
         _note(x, found)
@@ -278,7 +211,7 @@ def _whole(rule: Any, functions: tuple[Any, ...]) -> None:
     def matching(x: Any) -> Any:
         return (lambda x: made(x)) if x == BRANCH else None
 
-    _take(matching, functions)
+    inlined_for(*functions)(matching)
 
 
 for _each, _functions in RULES_OF_TWO:
@@ -291,19 +224,19 @@ for _each, _functions in UNCHANGED:
     _whole(_each, _functions)
 
 
-@overload(plus_product, **_OPTIONS)
+@inlined_for(plus_product)
 def _plus_product(total: Any, factor: Any, x: Any) -> Any:
-    if not _some(total, factor, x):
+    if not some(BRANCH, total, factor, x):
         return None
     return lambda total, factor, x: total + factor * x
 
 
-@overload(note_branch, **_OPTIONS)
+@inlined_for(note_branch)
 def _note_branch(x: Any, number: Any) -> Any:
     return (lambda x, number: _note(x, number)) if x == BRANCH else None
 
 
-@overload(operator.getitem, **_OPTIONS)
+@inlined_for(operator.getitem)
 def _get(v: Any, i: Any) -> Any:
     if v == WATCHED:
         return lambda v, i: branch_number(v.values[i], v.note)
@@ -312,7 +245,7 @@ def _get(v: Any, i: Any) -> Any:
     return None
 
 
-@overload(operator.setitem, **_OPTIONS)
+@inlined_for(operator.setitem)
 def _set(v: Any, i: Any, x: Any) -> Any:
     if v != UNREAD:
         return None

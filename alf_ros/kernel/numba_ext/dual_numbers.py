@@ -23,95 +23,53 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import types
-from numba.core import cgutils
-from numba.core.typeconv import Conversion
-from numba.extending import (
-    intrinsic,
-    lower_cast,
-    make_attribute_wrapper,
-    models,
-    overload,
-    register_model,
-)
+from numba.extending import intrinsic
 
 from alf_ros.kernel.numba_ext.branch_notes import nearest_whole, plain_value
 from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.lane_numbers import LanesType, anywhere, pick
+from alf_ros.kernel.numba_ext.number_types import (
+    PLAIN,
+    NumberType,
+    PartsType,
+    called,
+    called_for,
+    converted,
+    made_of,
+)
 
-_REAL = (types.Float, types.Integer, types.Boolean)
 _NUMBER = 8  # bytes
-_OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': {'error_model': 'numpy'}}
 
 
-class DualType(types.Type):
+class DualType(NumberType):
     """A dual number. A number becomes one with the slope 0."""
 
+    parts = ('value', 'slope')
+
     def __init__(self, slope: Any) -> None:
-        self.slope = slope
-        super().__init__(f'dual of {slope}')
-
-    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Whether another type becomes a dual number."""
-        return Conversion.safe if isinstance(other, _REAL) else None
-
-    def unify(self, typingctx: Any, other: Any) -> Any:
-        """The type of a variable that is either."""
-        return self if isinstance(other, _REAL) else None
+        super().__init__(f'dual of {slope}', types.float64, slope)
 
 
-class DualsType(types.Type):
+class DualsType(PartsType):
     """Pointers to values and to slopes."""
 
+    parts = ('values', 'slopes')
+
     def __init__(self, slope: Any) -> None:
-        self.slope = slope
-        super().__init__(f'duals of {slope}')
-
-
-_pointer = types.CPointer(types.float64)
-
-
-@register_model(DualType)
-class _DualModel(models.StructModel):
-    def __init__(self, manager: Any, kind: DualType) -> None:
-        parts = [('value', types.float64), ('slope', kind.slope)]
-        super().__init__(manager, kind, parts)
-
-
-@register_model(DualsType)
-class _DualsModel(models.StructModel):
-    def __init__(self, manager: Any, kind: DualsType) -> None:
-        parts = [('values', _pointer), ('slopes', types.CPointer(kind.slope))]
-        super().__init__(manager, kind, parts)
-
-
-for _kind, _names in ((DualType, ('value', 'slope')), (DualsType, ('values', 'slopes'))):
-    for _name in _names:
-        make_attribute_wrapper(_kind, _name, _name)
-
-
-def _made(kind: Any, first: Any, second: Any, names: tuple[str, str]) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        made = cgutils.create_struct_proxy(kind)(context, builder)
-        for name, value in zip(names, args, strict=True):
-            setattr(made, name, value)
-        return made._getvalue()
-
-    return kind(first, second), code
+        super().__init__(f'duals of {slope}', types.CPointer(types.float64), types.CPointer(slope))
 
 
 @intrinsic
 def dual(typing: Any, value: Any, slope: Any) -> Any:
     """A dual number."""
-    kind = slope if isinstance(slope, LanesType) else types.float64
-    return _made(DualType(kind), types.float64, kind, ('value', 'slope'))
+    return made_of(DualType(slope if isinstance(slope, LanesType) else types.float64))
 
 
 @intrinsic
 def duals(typing: Any, values: Any, slopes: Any) -> Any:
     """A vector of dual numbers, of two pointers."""
-    return _made(DualsType(slopes.dtype), _pointer, slopes, ('values', 'slopes'))
+    return made_of(DualsType(slopes.dtype))
 
 
 def _section(typing: Any, pointer: Any, i: Any, x: Any = None) -> Any:
@@ -140,20 +98,10 @@ def _write(typing: Any, pointer: Any, i: Any, x: Any) -> Any:
     return _section(typing, pointer, i, x)
 
 
-@lower_cast(types.Float, DualType)
-@lower_cast(types.Integer, DualType)
-@lower_cast(types.Boolean, DualType)
-def _constant(context: Any, builder: Any, of: Any, to: Any, value: Any) -> Any:
-    made = cgutils.create_struct_proxy(to)(context, builder)
-    made.value = context.cast(builder, value, of, types.float64)
-    made.slope = ir.Constant(made.slope.type, None)
-    return made._getvalue()
-
-
 def _some_dual(*kinds: Any) -> DualType | None:
     """The type of dual numbers, if some of these are dual and all others are numbers."""
     found = [kind for kind in kinds if isinstance(kind, DualType)]
-    fits = all(isinstance(kind, (*_REAL, DualType)) for kind in kinds)
+    fits = all(isinstance(kind, (*PLAIN, DualType)) for kind in kinds)
     return found[0] if found and fits else None
 
 
@@ -161,11 +109,7 @@ def _some_dual(*kinds: Any) -> DualType | None:
 def _as_dual(typing: Any, x: Any, other: Any) -> Any:
     """x, or a number with the slope 0, if x or the other number is dual."""
     kind: Any = _some_dual(types.unliteral(x), types.unliteral(other))
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return context.cast(builder, args[0], sig.args[0], kind)
-
-    return kind(types.unliteral(x), types.unliteral(other)), code
+    return converted(kind, x, other)
 
 
 # the rules, each with the functions it is taken for; traced numbers use them too
@@ -200,8 +144,7 @@ def _take_for_two(
             return lambda x, y: right(x, y)
         return lambda x, y: rule(_as_dual(x, y), _as_dual(y, x))
 
-    for function in functions:
-        overload(function, **_OPTIONS)(matching)
+    called_for(*functions)(matching)
 
 
 def _unary(rule: Callable[..., Any], *functions: Any) -> None:
@@ -221,32 +164,25 @@ def _take_for_one(rule: Callable[..., Any], functions: tuple[Any, ...]) -> None:
     def matching(x: Any) -> Any:
         return (lambda x: rule(x)) if isinstance(x, DualType) else None
 
-    for function in functions:
-        overload(function, **_OPTIONS)(matching)
-
-
-def _rule(function: Callable[..., Any]) -> Any:
-    from numba import njit
-
-    return njit(function, error_model='numpy')
+    called_for(*functions)(matching)
 
 
 _binary(
-    _rule(lambda x, y: dual(x.value + y.value, x.slope + y.slope)), operator.add, operator.iadd
+    called(lambda x, y: dual(x.value + y.value, x.slope + y.slope)), operator.add, operator.iadd
 )
 _binary(
-    _rule(lambda x, y: dual(x.value - y.value, x.slope - y.slope)), operator.sub, operator.isub
+    called(lambda x, y: dual(x.value - y.value, x.slope - y.slope)), operator.sub, operator.isub
 )
 _binary(
-    _rule(lambda x, y: dual(x.value * y.value, x.slope * y.value + x.value * y.slope)),
+    called(lambda x, y: dual(x.value * y.value, x.slope * y.value + x.value * y.slope)),
     operator.mul,
     operator.imul,
-    left=_rule(lambda x, y: dual(x * y.value, y.slope * x)),
-    right=_rule(lambda x, y: dual(x.value * y, x.slope * y)),
+    left=called(lambda x, y: dual(x * y.value, y.slope * x)),
+    right=called(lambda x, y: dual(x.value * y, x.slope * y)),
 )
 
 
-@_rule
+@called
 def _quotient(x: Any, y: Any) -> Any:
     value, factor = x.value / y.value, 1.0 / y.value  # one division for all directions
     return dual(value, (x.slope - value * y.slope) * factor)
@@ -255,7 +191,7 @@ def _quotient(x: Any, y: Any) -> Any:
 _binary(_quotient, operator.truediv, operator.itruediv)
 
 
-@_rule
+@called
 def _power(x: Any, y: Any) -> Any:
     """xʸ: its slope along x is 0 where x is 0 and y > 1; that along y needs x > 0."""
     value, slope = x.value**y.value, 0.0 * x.slope
@@ -271,32 +207,32 @@ def _power(x: Any, y: Any) -> Any:
 _binary(_power, operator.pow, operator.ipow, builtins.pow, math.pow)
 
 
-@_rule
+@called
 def _root(x: Any) -> Any:
     """√x; what does not change has the slope 0 at x = 0 too, as in v √v² at rest."""
     value = math.sqrt(x.value)
     return dual(value, pick(x.slope == 0.0, 0.0, x.slope * (0.5 / value)))
 
 
-@_rule
+@called
 def _size(x: Any) -> Any:
     """|x|; its slope at x = 0 is that towards larger x."""
     return dual(-x.value, -x.slope) if x.value < 0.0 else x
 
 
-@_rule
+@called
 def _tanh(x: Any) -> Any:
     value = math.tanh(x.value)
     return dual(value, (1.0 - value * value) * x.slope)
 
 
-@_rule
+@called
 def _exp(x: Any) -> Any:
     value = math.exp(x.value)
     return dual(value, value * x.slope)
 
 
-@_rule
+@called
 def _tan(x: Any) -> Any:
     value = math.tan(x.value)
     return dual(value, (1.0 + value * value) * x.slope)
@@ -307,37 +243,37 @@ _unary(_size, abs, math.fabs, np.abs)
 _unary(_tanh, math.tanh, np.tanh)
 _unary(_exp, math.exp, np.exp)
 _unary(_tan, math.tan, np.tan)
-_unary(_rule(lambda x: dual(-x.value, -x.slope)), operator.neg)
-_conversion(_rule(lambda x: x), operator.pos)
-_unary(_rule(lambda x: dual(math.sin(x.value), math.cos(x.value) * x.slope)), math.sin, np.sin)
-_unary(_rule(lambda x: dual(math.cos(x.value), -math.sin(x.value) * x.slope)), math.cos, np.cos)
-_unary(_rule(lambda x: dual(math.log(x.value), x.slope / x.value)), math.log, np.log)
+_unary(called(lambda x: dual(-x.value, -x.slope)), operator.neg)
+_conversion(called(lambda x: x), operator.pos)
+_unary(called(lambda x: dual(math.sin(x.value), math.cos(x.value) * x.slope)), math.sin, np.sin)
+_unary(called(lambda x: dual(math.cos(x.value), -math.sin(x.value) * x.slope)), math.cos, np.cos)
+_unary(called(lambda x: dual(math.log(x.value), x.slope / x.value)), math.log, np.log)
 _unary(
-    _rule(lambda x: dual(math.asin(x.value), x.slope / math.sqrt(1.0 - x.value * x.value))),
+    called(lambda x: dual(math.asin(x.value), x.slope / math.sqrt(1.0 - x.value * x.value))),
     math.asin,
     np.arcsin,
 )
 _unary(
-    _rule(lambda x: dual(math.atan(x.value), x.slope / (1.0 + x.value * x.value))),
+    called(lambda x: dual(math.atan(x.value), x.slope / (1.0 + x.value * x.value))),
     math.atan,
     np.arctan,
 )
-_conversion(_rule(lambda x: int(math.floor(x.value))), math.floor)
-_conversion(_rule(lambda x: int(math.ceil(x.value))), math.ceil)
-_conversion(_rule(lambda x: int(x.value)), int)
-_conversion(_rule(lambda x: nearest_whole(x.value)), nearest_whole)
-_conversion(_rule(lambda x: x.value), plain_value)
-_conversion(_rule(lambda x: x), float)
+_conversion(called(lambda x: int(math.floor(x.value))), math.floor)
+_conversion(called(lambda x: int(math.ceil(x.value))), math.ceil)
+_conversion(called(lambda x: int(x.value)), int)
+_conversion(called(lambda x: nearest_whole(x.value)), nearest_whole)
+_conversion(called(lambda x: x.value), plain_value)
+_conversion(called(lambda x: x), float)
 
 
-@_rule
+@called
 def _angle(y: Any, x: Any) -> Any:
     square = x.value * x.value + y.value * y.value
     slope = (x.value * y.slope - y.value * x.slope) / square
     return dual(math.atan2(y.value, x.value), slope)
 
 
-@_rule
+@called
 def _hypotenuse(x: Any, y: Any) -> Any:
     value, slope = math.hypot(x.value, y.value), x.value * x.slope + y.value * y.slope
     return dual(value, pick(slope == 0.0, 0.0, slope / value))
@@ -345,31 +281,31 @@ def _hypotenuse(x: Any, y: Any) -> Any:
 
 _binary(_angle, math.atan2, np.arctan2)
 _binary(_hypotenuse, math.hypot, np.hypot)
-_comparison(_rule(lambda x, y: y if y.value > x.value else x), max, np.maximum)
-_comparison(_rule(lambda x, y: y if y.value < x.value else x), min, np.minimum)
-_comparison(_rule(lambda x, y: x.value < y.value), operator.lt)
-_comparison(_rule(lambda x, y: x.value <= y.value), operator.le)
-_comparison(_rule(lambda x, y: x.value > y.value), operator.gt)
-_comparison(_rule(lambda x, y: x.value >= y.value), operator.ge)
-_comparison(_rule(lambda x, y: x.value == y.value), operator.eq)
-_comparison(_rule(lambda x, y: x.value != y.value), operator.ne)
+_comparison(called(lambda x, y: y if y.value > x.value else x), max, np.maximum)
+_comparison(called(lambda x, y: y if y.value < x.value else x), min, np.minimum)
+_comparison(called(lambda x, y: x.value < y.value), operator.lt)
+_comparison(called(lambda x, y: x.value <= y.value), operator.le)
+_comparison(called(lambda x, y: x.value > y.value), operator.gt)
+_comparison(called(lambda x, y: x.value >= y.value), operator.ge)
+_comparison(called(lambda x, y: x.value == y.value), operator.eq)
+_comparison(called(lambda x, y: x.value != y.value), operator.ne)
 
 
-@overload(plus_product, **_OPTIONS)
+@called_for(plus_product)
 def _plus_product(total: Any, factor: Any, x: Any) -> Any:
     if _some_dual(total, factor, x):
         return lambda total, factor, x: total + factor * x
     return None
 
 
-@overload(operator.getitem, **_OPTIONS)
+@called_for(operator.getitem)
 def _get(v: Any, i: Any) -> Any:
     if not isinstance(v, DualsType):
         return None
     return lambda v, i: dual(v.values[i], _read(v.slopes, i))
 
 
-@overload(operator.setitem, **_OPTIONS)
+@called_for(operator.setitem)
 def _set(v: Any, i: Any, x: Any) -> Any:
     if not isinstance(v, DualsType):
         return None

@@ -8,11 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import types
-from numba.extending import overload
-
-_REAL = (types.Float, types.Integer, types.Boolean)
-OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': {'error_model': 'numpy'}}
+from alf_ros.kernel.numba_ext.number_types import PLAIN, called_for
 
 
 def plus_product(total: Any, factor: Any, x: Any) -> Any:
@@ -20,8 +16,8 @@ def plus_product(total: Any, factor: Any, x: Any) -> Any:
     return total + factor * x
 
 
-@overload(plus_product, **OPTIONS)
+@called_for(plus_product)
 def _of_numbers(total: Any, factor: Any, x: Any) -> Any:
-    if all(isinstance(kind, _REAL) for kind in (total, factor, x)):
+    if all(isinstance(kind, PLAIN) for kind in (total, factor, x)):
         return lambda total, factor, x: total + factor * x
     return None

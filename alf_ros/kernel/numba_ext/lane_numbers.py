@@ -34,9 +34,9 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
+from alf_ros.kernel.numba_ext.number_types import PLAIN, PlainBecomes
 from alf_ros.kernel.numba_ext.plain import lowered
 
-_REAL = (types.Float, types.Integer, types.Boolean)
 _number, _whole, _index = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _PART = 4  # numbers of a vector, if W is no power of two
 
@@ -50,20 +50,12 @@ def width() -> int:
     return 8 if features.get('avx512f') else 4 if features.get('avx2') else 2
 
 
-class LanesType(types.Type):
+class LanesType(PlainBecomes):
     """W numbers. A single number becomes W equal ones. `fused`: see above."""
 
     def __init__(self, W: int, fused: bool = False) -> None:
         self.W, self.fused = W, fused
         super().__init__(f'fused lanes{W}' if fused else f'lanes{W}')
-
-    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Whether another type becomes lanes."""
-        return Conversion.safe if isinstance(other, _REAL) else None
-
-    def unify(self, typingctx: Any, other: Any) -> Any:
-        """The type of a variable that is either."""
-        return self if isinstance(other, _REAL) else None
 
 
 class MaskType(types.Type):
@@ -147,7 +139,7 @@ def _to_mask(context: Any, builder: Any, of: Any, to: Any, value: Any) -> Any:
 def lanes_among(kinds: Any) -> Any:
     """The type of lanes, if some of these are lanes and all others are numbers."""
     found = [kind for kind in kinds if isinstance(kind, LanesType)]
-    fits = all(isinstance(kind, (*_REAL, LanesType)) for kind in kinds)
+    fits = all(isinstance(kind, (*PLAIN, LanesType)) for kind in kinds)
     return found[0] if found and fits else None
 
 
@@ -382,7 +374,7 @@ def pick(typing: Any, m: Any, a: Any, b: Any) -> Any:
             return builder.select(builder.trunc(args[0], ir.IntType(1)), args[1], args[2])
 
         return kind(types.boolean, kind, kind), choose
-    kind = next((k for k in (a, b) if not isinstance(k, _REAL)), LanesType(m.W))
+    kind = next((k for k in (a, b) if not isinstance(k, PLAIN)), LanesType(m.W))
 
     def chosen(builder: Any, mask: Any, x: Any, y: Any) -> Any:
         return builder.select(_truth(builder, mask), x, y)
