@@ -14,6 +14,7 @@ from alf_ros import paths
 from alf_ros.commands.parser import Parser, refuse_given, writing
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
+from alf_ros.simulation.quantities import ONE_OF_MANY
 from alf_ros.studies.ensemble import report_file
 from alf_ros.studies.ensemble.ensemble import Progress, conduct, crew
 from alf_ros.studies.ensemble.member import trouble_of
@@ -86,6 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         written = _write(report, found, options.report, store.is_writable)
     where = f'{folder} and {options.report or report.name}' if written else f'{folder}'
     print(f'{where}: {study.members} members, {lines.last.failed} failed')
+    if study.indeterminate:
+        print(f'{", ".join(study.indeterminate)}: {ONE_OF_MANY}', file=sys.stderr)
     said = trouble_of(study, 0)
     if said:
         print(f'member 0: {said}', file=sys.stderr)

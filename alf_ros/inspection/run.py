@@ -13,6 +13,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,15 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.named_values import read_only
-from alf_ros.simulation.quantities import Group, Quantity, full_name, groups
+from alf_ros.simulation.quantities import (
+    ONE_OF_MANY,
+    Group,
+    Quantity,
+    full_name,
+    groups,
+    is_reaction,
+    open_components,
+)
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 
@@ -59,14 +68,21 @@ class Run:
         `only`: the quantities that are read, all others cost nothing. Raises InputError for an
         unknown name, for something else than samples, and if there are no samples.
         """
+        self._of_rank: dict[int, Sample] = {}  # a sample of each number of redundant rows
+        self._last: Sample | None = None
         times: list[float] = []
         rows: list[tuple[Floats, ...]] = []
         wanted: list[tuple[Group, list[int]]] = []
+        has_reactions = False
         for sample in samples:
             if not isinstance(sample, Sample):
                 raise InputError('not a sample', key='samples', value=sample)
             if not times:
                 wanted = _wanted(groups(sample), only)
+                has_reactions = any(is_reaction(group.names[0]) for group, _ in wanted)
+            if has_reactions:
+                self._of_rank.setdefault(sample.diagnostics.redundant, sample)
+                self._last = sample
             times.append(sample.t)
             rows.append(tuple(group.read(sample)[which] for group, which in wanted))
         if not times:
@@ -133,6 +149,23 @@ class Run:
             return self._places[name]
         return self._places[full_name(name, tuple(self._places), 'name')]
 
+    @cached_property
+    def indeterminate(self) -> tuple[str, ...]:
+        """The reactions that are one of many that balance, because constraints are redundant: in
+        the first or the last sample, or where the number of redundant rows changes."""
+        samples = [*self._of_rank.values(), *([self._last] if self._last else [])]
+        return tuple(
+            name
+            for name in filter(is_reaction, self.names)
+            if any(open_components(sample, name).any() for sample in samples)
+        )
+
+    def is_indeterminate(self, name: str) -> bool:
+        """Whether a quantity, or the one of which it is a component, is in `indeterminate`.
+        Raises InputError for an unknown name."""
+        full = self._found(name)[0]
+        return is_reaction(full) and full in self.indeterminate
+
     # ------------------------------------------------------------------------------ the ways out
 
     def plot(self, *names: str, file: str | Path | None = None) -> tuple[Axes, ...]:
@@ -149,7 +182,8 @@ class Run:
         panels: dict[str, dict[str, Floats]] = {}
         for name in names:
             for label, values in self.columns(name).items():
-                panels.setdefault(self.unit(label), {})[label] = values
+                told = f'{label}, one of many' if self.is_indeterminate(label) else label
+                panels.setdefault(self.unit(label), {})[told] = values
         return run_plot.draw(self.t, panels, None if file is None else paths.named(file))
 
     def csv(self, path: str | Path) -> Path:
@@ -160,7 +194,8 @@ class Run:
         return write_columns({'t': self.t, **self.columns()}, path)
 
     def parquet(self, path: str | Path) -> Path:
-        """Write `t` and all columns, each with its unit as metadata. Returns the path.
+        """Write `t` and all columns, each with `unit`, and `indeterminate` if it is one of many,
+        as metadata. Returns the path.
 
         Raises InputError without pyarrow, and if the file cannot be written.
         """
@@ -171,7 +206,7 @@ class Run:
             raise _missing('Parquet', 'pyarrow') from None
         file, columns = paths.named(path), {'t': self.t, **self.columns()}
         fields = [
-            pyarrow.field(label, pyarrow.float64(), metadata={'unit': self._unit_of(label)})
+            pyarrow.field(label, pyarrow.float64(), metadata=self._about(label))
             for label in columns
         ]
         arrays = [np.ascontiguousarray(column) for column in columns.values()]
@@ -182,8 +217,11 @@ class Run:
             raise _unwritten(file, error) from None
         return file
 
-    def _unit_of(self, label: str) -> str:
-        return 's' if label == 't' else self.unit(label)
+    def _about(self, label: str) -> dict[str, str]:
+        if label == 't':
+            return {'unit': 's'}
+        flag = {'indeterminate': ONE_OF_MANY} if self.is_indeterminate(label) else {}
+        return {'unit': self.unit(label), **flag}
 
     def frame(self) -> pandas.DataFrame:
         """All columns as a pandas DataFrame with the index t (s). Raises InputError without it."""
@@ -197,6 +235,7 @@ class Run:
         """All quantities as an xarray Dataset along `t` (s), with `units` as attributes.
 
         Components lie along the dimension 'axis' (x, y, z), and components of poses along 'pose'.
+        Reactions that are one of many have the attribute `indeterminate`.
         Raises InputError without xarray.
         """
         try:
@@ -210,7 +249,10 @@ class Run:
             if quantity.components:
                 along = 'pose' if name.startswith('body_poses.') else 'axis'
                 dims, axes[along] = ('t', along), list(quantity.components)
-            variables[name] = (dims, quantity.values, {'units': self.unit(name)})
+            told = {'units': self.unit(name)}
+            if self.is_indeterminate(name):
+                told['indeterminate'] = ONE_OF_MANY
+            variables[name] = (dims, quantity.values, told)
         return xarray.Dataset(variables, axes)
 
 
@@ -255,6 +297,7 @@ def run_of_arrays(t: Floats, quantities: Mapping[Quantity, Floats]) -> Run:
         for each, array in quantities.items()
     }
     run = Run.__new__(Run)
+    run._of_rank, run._last = {}, None
     run._keep(read_only(t), values)
     return run
 

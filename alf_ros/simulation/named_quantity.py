@@ -11,7 +11,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation.differences import OFFSETS, slope
 from alf_ros.simulation.displaced_scenes import Displaced
-from alf_ros.simulation.quantities import Group, full_name, groups
+from alf_ros.simulation.quantities import Group, full_name, groups, open_components
 from alf_ros.simulation.sample import Sample
 
 _WITHOUT = ('works.', 'diagnostics.')  # kinds of quantities without a derivative
@@ -49,12 +49,8 @@ class NamedQuantity:
 
     def check_unique(self, sample: Sample) -> None:
         """Raises InputError if it is one of many that balance, as a share of redundant joints."""
-        kind, _, name = self.group.names[self.row].partition('.')
-        if kind != 'reactions':
-            return
-        joint, _, part = name.rpartition('.')
-        open_ = getattr(sample.reactions[joint], f'open_{part}')
-        if np.any(open_ if self.component is None else open_[self.component]):
+        found = open_components(sample, self.group.names[self.row])
+        if found.any() and (self.component is None or found[self.component]):
             told = f'is one of many that balance at t = {sample.t:.6g} s'
             raise InputError(
                 f'no derivative: with redundant constraints it {told}', value=self.name

@@ -11,11 +11,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.model.constraints.drives import motion_names
 from alf_ros.simulation.sample import Sample
+
+ONE_OF_MANY = 'one of many that balance: constraints are redundant'
+_REACTIONS = 'reactions.'
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,21 @@ def groups(sample: Sample) -> tuple[Group, ...]:
     """
     found = (*_of_points_and_bodies(sample), *_of_joints(sample), *_of_the_whole(sample))
     return tuple(group for group in found if group.names)
+
+
+def open_components(sample: Sample, name: str) -> NDArray[np.bool_]:
+    """(components,) whether a reaction is one of many at this sample: redundant constraints, or a
+    singular position, leave the component open. Empty for other quantities."""
+    if not is_reaction(name):
+        return np.zeros(0, dtype=bool)
+    joint, _, kind = name.removeprefix(_REACTIONS).rpartition('.')
+    reaction = sample.reactions[joint]
+    return reaction.open_force if kind == 'force' else reaction.open_torque
+
+
+def is_reaction(name: str) -> bool:
+    """Whether a quantity is the force or the torque of a joint."""
+    return name.startswith(_REACTIONS)
 
 
 def _paths(pattern: str, names: Iterable[str]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,6 +19,8 @@ from matplotlib.image import imread
 
 import alf_ros
 from alf_ros import InputError, Run, Simulation, load_scene, record
+from alf_ros.scene.scene import scene_from_text
+from support.parallel_cranks import THREE_CRANKS
 from support.paths import ROOT
 
 SCENES = ('slider_crank', 'wiper', 'stewart_platform', 'screw_jack')
@@ -205,6 +208,34 @@ def test_plot_has_a_panel_for_each_unit(crank: Run, tmp_path: Path) -> None:
         assert np.array_equal(line.get_xydata(), np.column_stack([crank.t, crank[name]]))
     shades = imread(file)[..., :3]
     assert shades.shape[1] == 960 and np.unique(shades.reshape(-1, 3), axis=0).shape[0] > 100
+
+
+def test_a_share_of_a_load_is_marked(tmp_path: Path) -> None:
+    """Three parallel cranks carry a platform. Along them their forces are one of many; the weight
+    and what accelerates it are not. The cranks begin upright, so that their force along x is known
+    at first, and the last sample is looked at too."""
+    run = pickle.loads(pickle.dumps(record(Simulation(scene_from_text(THREE_CRANKS)), 0.3)))
+    forces = tuple(f'reactions.{side}{k}.force' for side in ('foot', 'head') for k in range(3))
+    assert run.indeterminate == forces
+    assert run.is_indeterminate('head1.force.x') and not run.is_indeterminate('energy')
+    assert not run.is_indeterminate('foot0.torque')
+    said = 'one of many that balance: constraints are redundant'
+    found = run.xarray()
+    assert {name for name in found if 'indeterminate' in found[name].attrs} == set(forces)
+    assert found['reactions.head1.force'].attrs == {'units': 'N', 'indeterminate': said}
+    found.to_netcdf(tmp_path / 'run.nc', engine='scipy')
+    table = pyarrow.parquet.read_schema(run.parquet(tmp_path / 'run.parquet'))
+    told = {b'unit': b'N', b'indeterminate': said.encode()}
+    assert table.field('reactions.head1.force.x').metadata == told
+    (forces_panel, _) = run.plot('head1.force.x', 'energy', file=tmp_path / 'run.png')
+    (line,) = forces_panel.get_lines()
+    assert line.get_label() == 'reactions.head1.force.x, one of many'
+
+
+def test_what_is_determined_is_not_marked(crank: Run) -> None:
+    assert crank.indeterminate == () and not crank.is_indeterminate('crank_pin.force')
+    with pytest.raises(InputError, match='no such quantity'):
+        crank.is_indeterminate('crank_pin.forces')
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ from support.browser import CHROMIUM, Browser
 from support.forked import ended
 from support.full_disk import small_files
 from support.log_files import Retold, make, rewritten
+from support.parallel_cranks import THREE_CRANKS
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, SimulatorProcess
 
@@ -249,6 +250,18 @@ def test_diagnostics_become_levels_and_curves(recorded):
     assert any(level == 1 and text.startswith('constraints') for _, level, text in reports.texts)
     costs = reports.numbers['cost', 'step'].high[:, 0]
     assert len(costs) == len(messages) and np.nanmax(costs) > 0.0
+
+
+def test_shares_of_loads_are_told(tmp_path, recorded):
+    (tmp_path / 'cranks.yaml').write_text(THREE_CRANKS)
+    arguments = '--scene', str(tmp_path / 'cranks.yaml'), '--duration', '0.2'
+    with SimulatorProcess(tmp_path / 'logs', *arguments) as process:
+        assert process.process.wait(60.0) == 0, process.output
+    (log,) = (path for path in (tmp_path / 'logs').iterdir() if path.is_dir())
+    names = ', '.join(f'{side}{k}' for side in ('foot', 'head') for k in range(3))
+    told = f'reactions of {names}: one of many that balance: constraints are redundant'
+    assert ('indeterminate', told) in account(load(log)).about
+    assert not any(what == 'indeterminate' for what, _ in account(load(recorded)).about)
 
 
 def test_the_work_of_effects_is_read_where_a_log_has_it(planar, tmp_path):

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from scipy import stats
 
 import alf_ros
 from alf_ros import InputError
+from alf_ros.commands.ensemble import main
 from alf_ros.studies.ensemble.chunk import Chunk, run_chunk
 from alf_ros.studies.ensemble.ensemble import Progress
 from alf_ros.studies.ensemble.kept_outputs import integral, outputs
 from alf_ros.studies.ensemble.statistics import Statistics
 from alf_ros.studies.ensemble.study_reading import study_of
 from alf_ros.studies.ensemble.summary_page import page
+from support.parallel_cranks import THREE_CRANKS
 
 # A crank of length L and mass m that turns at w (rad/s), from 1 rad; nothing else acts.
 TURNING: dict[str, Any] = {
@@ -48,6 +52,12 @@ KEPT = {
         'function': lambda run: np.abs(run['velocities.A']).max(),
         'reads': ['velocities.A'],
     },
+}
+
+
+FIRST_FORCE = {
+    'function': lambda run: run['foot0.force.y'][0],
+    'reads': ['energy', 'foot0.force'],
 }
 
 
@@ -200,6 +210,30 @@ def test_the_report_says_of_how_many_points_and_members_it_is():
     text = page(Progress(64, 64, 1, 0, 1.0, statistics), iter([chunk]))
     assert 'total Sobol index (first order), of 8 points' in text
     assert 'path, J: 63 members' in text
+
+
+def test_a_share_of_a_load_is_marked(tmp_path, monkeypatch, capsys):
+    """In the store, in the Dataset, in the report, and by the command."""
+    monkeypatch.chdir(tmp_path)
+    told = 'one of many that balance: constraints are redundant'
+    kept = {'share': 'max(norm(head1.force))', 'energy': 'final(energy)', 'first': FIRST_FORCE}
+    scene = tmp_path / 'cranks.yaml'
+    scene.write_text(THREE_CRANKS)
+    vary = {'platform.mass': [2.0, 3.0]}
+    for store in (None, 'runs.zarr'):
+        found = alf_ros.ensemble(
+            scene, vary, sampling='grid', outputs=kept, duration=0.1, store=store, workers=0
+        )
+        assert found.share.attrs == {'units': 'N', 'indeterminate': told}
+        assert found.share_t.attrs == {'units': 's', 'indeterminate': told}
+        assert found.first.attrs == {'indeterminate': told}
+        assert found.energy.attrs == {'units': 'J'}
+    study = {'scene': 'cranks.yaml', 'vary': vary, 'sampling': 'grid', 'duration': 0.1}
+    study['outputs'] = {'share': kept['share'], 'energy': kept['energy']}
+    Path('study.yaml').write_text(yaml.safe_dump(study))
+    assert main(['study.yaml', '--workers', '0']) == 0
+    assert f'\nshare: {told}\n' in capsys.readouterr().err
+    assert f'share: {told}' in Path('study.html').read_text()
 
 
 def test_passes_are_those_of_a_simulation_that_watches():

@@ -24,6 +24,7 @@ PLOTTED = {
     ('timing', 'lateness_p99_s'): ('cost', 'lateness of a tick, 99 %'),
     ('constraints', 'distance_to_singular'): CLOSEST,
 }
+_OPEN, _NO_NAMES = ('constraints', 'indeterminate_reactions'), ('no', 'unknown')
 _ENERGY = ('energy_j', 'initial_energy_j', 'change_j')
 _JOULE = '_j'
 
@@ -31,9 +32,11 @@ _JOULE = '_j'
 @dataclass
 class Reports:
     """`levels` by task: 0 OK, 1 WARN, 2 ERROR; `numbers` by (panel, name); `texts`: (t, level,
-    text) of warnings and errors, once while they last. `task` precedes the names of tasks."""
+    text) of warnings and errors, once while they last; `open_joints`: whose reactions are one of
+    many. `task` precedes the names of tasks."""
 
     task: str = ''
+    open_joints: dict[str, None] = field(default_factory=dict)
     levels: dict[str, Trace] = field(default_factory=dict)
     numbers: dict[tuple[str, str], Trace] = field(default_factory=dict)
     texts: list[tuple[float, int, str]] = field(default_factory=list)
@@ -54,6 +57,8 @@ class Reports:
             self.texts.append((t, level, text))
         self._last[task] = text
         for entry in status['values']:
+            if (task, entry['key']) == _OPEN and entry['value'] not in _NO_NAMES:
+                self.open_joints.update(dict.fromkeys(entry['value'].split(', ')))
             place = PLOTTED.get((task, entry['key'])) or _work(task, entry['key'])
             if place is not None:
                 _note(self.numbers, place, t, _number(entry['value']))

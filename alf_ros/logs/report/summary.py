@@ -10,6 +10,7 @@ from alf_ros.logs.log import Log
 from alf_ros.logs.report.drawn_motion import DrawnMotion, mechanism, motion
 from alf_ros.logs.report.gather import Gathered, gather
 from alf_ros.logs.report.singularity_distance import reported
+from alf_ros.simulation.quantities import ONE_OF_MANY
 
 Text = tuple[float, int, str]
 
@@ -83,6 +84,9 @@ def _about(log: Log, found: Gathered) -> list[tuple[str, str]]:
         told.append(
             ('fork', f'of {parent.get("log", "a log")} at t = {parent.get("t")} s: {changes}')
         )
+    if found.reports.open_joints:
+        names = ', '.join(found.reports.open_joints)
+        told.append(('indeterminate', f'reactions of {names}: {ONE_OF_MANY}'))
     if found.worst[0]:
         told.append(('worst', f'constraint {found.worst[1]}: |Φ| = {found.worst[0]:.3g}'))
     return told

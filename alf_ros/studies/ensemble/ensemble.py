@@ -85,7 +85,8 @@ def ensemble(
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is
     empty unless a member failed; its attribute `trouble` says if fixed steps of member 0 are too
-    long, else it is empty. Raises InputError for a study that cannot be run, AlfError if
+    long, else it is empty. An array of reactions that are one of many that balance has the
+    attribute `indeterminate`. Raises InputError for a study that cannot be run, AlfError if
     workers or the scheduler die: the store then holds the finished chunks.
     """
     _needs('xarray')
@@ -170,8 +171,8 @@ def dataset(study: Study, arrays: Arrays) -> xarray.Dataset:
         coordinates[parameter.name] = 'member', arrays[parameter.name]
     found: dict[str, Any] = {}
     for variable in study.variables:
-        units = {'units': variable.unit} if variable.unit else {}
-        found[variable.name] = ('member', *variable.dims), arrays[variable.name], units
+        dims = 'member', *variable.dims
+        found[variable.name] = dims, arrays[variable.name], variable.attributes
         for name, values in variable.along.items():
             of_time = {'units': 's'} if name == 't' or name.startswith('t_') else {}
             coordinates[name] = name, np.array(list(values)), of_time

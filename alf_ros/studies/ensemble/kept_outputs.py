@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run, RunsTogether
 from alf_ros.simulation.input_checks import CLOSE
+from alf_ros.simulation.quantities import ONE_OF_MANY
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.studies.ensemble.user_function import UserFunction
 
@@ -49,7 +50,7 @@ class LabelledArray:
     """One array of a Dataset: for each member numbers of this shape, along `dims` by name.
 
     `along`: the coordinates of those dims that have some. `text`: characters of each, if it holds
-    texts.
+    texts. `is_indeterminate`: it follows from reactions that are one of many.
     """
 
     name: str
@@ -58,11 +59,18 @@ class LabelledArray:
     unit: str = ''
     along: Mapping[str, Sequence[float | str]] = field(default_factory=dict)
     text: int = 0
+    is_indeterminate: bool = False
 
     @property
     def dtype(self) -> str:
         """Of the array, as numpy and zarr write it."""
         return f'<U{self.text}' if self.text else '<f8'
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Of the array in a Dataset."""
+        units = {'units': self.unit} if self.unit else {}
+        return {**units, 'indeterminate': ONE_OF_MANY} if self.is_indeterminate else units
 
     @property
     def numbers(self) -> dict[str, tuple[int, ...]]:
@@ -120,6 +128,10 @@ class KeptOutput:
 
         Raises InputError for a quantity that the scene does not have, or of the wrong shape.
         """
+        is_open = any(run.is_indeterminate(name) for name in self.quantities)
+        return tuple(replace(each, is_indeterminate=is_open) for each in self._arrays(run, times))
+
+    def _arrays(self, run: Run, times: Floats) -> tuple[LabelledArray, ...]:
         label = self.label
         if self.kind == 'passes':
             number = LabelledArray(f'{label}_number')

@@ -156,13 +156,13 @@ class EnsembleStore:
                 (length, *variable.shape),
                 variable.dtype,
                 ('member', *variable.dims),
-                variable.unit,
+                variable.attributes,
             )
         fixed = {'member': np.arange(rows, dtype='<i8'), **_along(study.variables)}
         for name, values in fixed.items():
-            unit = 's' if name == 't' or name.startswith('t_') else ''
+            units = {'units': 's'} if name == 't' or name.startswith('t_') else {}
             arrays[name] = zarr_format.array(
-                values.shape, values.shape, values.dtype.str, (name,), unit
+                values.shape, values.shape, values.dtype.str, (name,), units
             )
         coordinates = ' '.join(parameter.name for parameter in study.parameters)
         about = {'coordinates': coordinates, 'title': study.name, 'study': study.digest}

@@ -108,6 +108,12 @@ class Study(SentScene):
         self._check_names(found)
         return found
 
+    @property
+    def indeterminate(self) -> tuple[str, ...]:
+        """The outputs of reactions that are one of many that balance."""
+        found = {each.name for each in self.variables if each.is_indeterminate}
+        return tuple(each.label for each in self.outputs if each.label in found)
+
     def _check_names(self, found: Sequence[LabelledArray]) -> None:
         """Raises InputError where arrays, their single numbers, numbers that vary and dimensions
         share a name, and where a number that varies has none for an array."""

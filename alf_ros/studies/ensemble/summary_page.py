@@ -14,6 +14,7 @@ from itertools import islice
 import numpy as np
 
 from alf_ros import html_table
+from alf_ros.simulation.quantities import ONE_OF_MANY
 from alf_ros.studies.ensemble import report_look, svg_charts
 from alf_ros.studies.ensemble.chunk import REASON, Arrays, Chunk
 from alf_ros.studies.ensemble.ensemble import Progress
@@ -56,6 +57,8 @@ def _about(study: Study, progress: Progress) -> str:
         ('a member runs', f'{study.duration:g} s, looked at every {study.period:g} s'),
         ('study', study.digest),
     ]
+    if study.indeterminate:
+        rows.append(('indeterminate', f'{", ".join(study.indeterminate)}: {ONE_OF_MANY}'))
     if not math.isnan(progress.rate):
         rows.append(('members per second', f'{progress.rate:.3g}'))
     return html_table.pairs(rows)

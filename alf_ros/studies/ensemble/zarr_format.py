@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,11 @@ def text(data: object) -> bytes:
 
 
 def array(
-    shape: Sequence[int], chunks: Sequence[int], dtype: str, dims: Sequence[str], unit: str = ''
+    shape: Sequence[int],
+    chunks: Sequence[int],
+    dtype: str,
+    dims: Sequence[str],
+    attributes: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Metadata of an array: the contents of `.zarray` and `.zattrs`, by file name."""
     is_text = dtype.startswith('<U')
@@ -43,10 +48,7 @@ def array(
         'filters': None,
         'dimension_separator': '.',
     }
-    attributes: dict[str, Any] = {'_ARRAY_DIMENSIONS': list(dims)}
-    if unit:
-        attributes['units'] = unit
-    return {ARRAY: described, ATTRIBUTES: attributes}
+    return {ARRAY: described, ATTRIBUTES: {'_ARRAY_DIMENSIONS': list(dims), **attributes}}
 
 
 def metadata(
