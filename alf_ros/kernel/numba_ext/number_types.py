@@ -1,6 +1,6 @@
 """Types of compiled code that are made of named parts, and numbers among them.
 
-Dual, traced and branch numbers are such numbers: a value, and what follows from how it was found.
+Dual, traced and branch numbers are such numbers: a value with a slope, a place or a note.
 A plain number becomes one of them where both are met.
 """
 
