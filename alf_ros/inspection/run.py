@@ -161,8 +161,8 @@ class Run:
         )
 
     def is_indeterminate(self, name: str) -> bool:
-        """Whether a quantity is in `indeterminate`; of a component, whether its quantity is. Raises
-        InputError for an unknown name."""
+        """Whether a quantity is in `indeterminate`; of a component, whether its quantity is.
+        Raises InputError for an unknown name."""
         full = self._found(name)[0]
         return is_reaction(full) and full in self.indeterminate
 
