@@ -269,12 +269,13 @@ def _reactions(scene: Scene, usual: Linearised) -> Iterator[Answer]:
     work = allocate(model, model.system, 0)
     kernel.linearise(model.unit, model.system, work, usual.q)
     reactions = Reactions(model)
+    there = reactions.workspace()
     if has_bearings(model):
-        shares, there = BearingShares(model, reactions), reactions.workspace()
+        shares = BearingShares(model, reactions)
         kernel.place_on_cut(model.unit, reactions.arrays, there, work.q, work.qd)
         flags, cause = shares.open_components(work, there), 'rigid bodies and bearings'
     else:
-        flags = reactions.indeterminate(reactions.on_cut_blocks(usual.q), work)
+        flags = reactions.indeterminate(there, work)
         cause = 'rigid bodies'
     names = [
         f'{name} ({_components(flag)})'

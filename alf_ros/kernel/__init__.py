@@ -60,6 +60,7 @@ from alf_ros.kernel.data import (
     Problem,
     ReadOut,
     Rows,
+    Shares,
     Soft,
     Span,
     StepEnd,
@@ -80,6 +81,7 @@ from alf_ros.kernel.joint_efforts import add_joint_efforts
 from alf_ros.kernel.joint_wrenches import joint_wrenches, place_on_cut
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.open_shares import open_shares
 from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.readout import read_out
 from alf_ros.kernel.singularity_monitor import follow, turning
@@ -124,6 +126,7 @@ __all__ = [
     'Prescribed',
     'Problem',
     'Rows',
+    'Shares',
     'Soft',
     'Span',
     'Status',
@@ -162,6 +165,7 @@ __all__ = [
     'linearise',
     'mass_trace',
     'nearby',
+    'open_shares',
     'place_on_cut',
     'potential_energy',
     'prescribed_at',

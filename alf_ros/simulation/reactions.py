@@ -8,6 +8,7 @@ and the joint carries the sum of the forces that this side needs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -17,8 +18,8 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from alf_ros import kernel
-from alf_ros.arrays import Floats, Integers
-from alf_ros.kernel import BlockSums, Cut, CutWork, Work
+from alf_ros.arrays import Integers
+from alf_ros.kernel import BlockSums, Cut, CutWork, Shares, Work
 from alf_ros.mechanism import GROUND, Joint, natural_coordinates
 from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.model.compile import Model, constraints
@@ -69,7 +70,7 @@ class Reactions:
     @property
     def components(self) -> int:
         """Of a force and a torque."""
-        return len(_rigid(self.cut.dimension))
+        return 3 if self.cut.dimension == 2 else 6
 
     def _sums(self, joints: Sequence[Joint], kind: str) -> Any:
         """(joints, cut blocks): which blocks to sum for the force of parent on child."""
@@ -105,12 +106,6 @@ class Reactions:
         each = zip(self._entry[own], self._row[own], self._is_point[own], strict=True)
         return [(int(entry), int(row)) for entry, row, is_point in each if is_point]
 
-    # ------------------------------------------------------------------------------ of an instant
-
-    def on_cut_blocks(self, blocks: Floats) -> Floats:
-        """(blocks D,) of the model -> (cut blocks D,)."""
-        return blocks.reshape(-1, self.cut.dimension)[self.source].ravel()
-
     @cached_property
     def arrays(self) -> Cut:
         """Arrays with which the kernel sums wrenches."""
@@ -141,52 +136,19 @@ class Reactions:
             g2=np.zeros(self.rows.b.size),
         )
 
-    def _jacobian(self, q: Floats) -> tuple[Floats, Floats]:
-        g, g2 = np.zeros(self.rows.i.size * self.cut.dimension), np.zeros(self.rows.b.size)
-        kernel.jacobian(self.model.unit, self.rows, q, g, g2)
-        return g, g2
-
-    def indeterminate(self, q: Floats, work: Work) -> NDArray[np.bool_]:
+    def indeterminate(self, there: CutWork, work: Work) -> NDArray[np.bool_]:
         """(joints, D + 1 or 3) whether λ may change without a change of motion and yet change this
-        component of the force, or of the torque, of the joint.
-
-        A component of a reaction is w·λ. It is unique if w lies in the range of Φ_q, that is if
-        the projector Φ_q A⁻¹ Φ_qᵀ α leaves it as it is. `work` holds Φ_q and the factor there.
-        """
-        D, places = self.cut.dimension, q.reshape(-1, self.cut.dimension)
-        unit, (g, g2) = self.model.unit, self._jacobian(q)
-        joints = self.model.mechanism.joints
-        flags = np.zeros((len(joints), self.components), dtype=bool)
-        w_cut = np.zeros(self.source_row.size)
-        for n, joint in enumerate(joints):
-            own = slice(self._first[n], self._first[n + 1])
-            points = self._shared_points[[n]].toarray()[0]
-            vectors = self._shared_vectors[[n]].toarray()[0]
-            gradients, is_point = g2.reshape(-1, D)[self._entry[own]], self._is_point[own, None]
-            origin = self.cut.place(joint.child, joint.frames[1].origin).value(places)
-            arms = places[self._block[own]] - is_point * origin
-            for c, (move, turn) in enumerate(_rigid(D)):
-                v = np.outer(points, move) + vectors[:, None] * _turned(turn, places)
-                kernel.times_jacobian(unit, self.rows, g, g2, v.ravel(), w_cut)
-                w = np.zeros(work.y.size)
-                w[self.source_row] = w_cut
-                each = is_point * move + _turned(turn, arms)
-                np.subtract.at(w, self._row[own], (gradients * each).sum(axis=1))
-                flags[n, c] = self._lost(w, work) > _LOST
-        return flags
-
-    def _lost(self, w: Floats, work: Work) -> float:
-        """The part of w outside of the range of Φ_q, in the norm of α."""
-        model, rows = self.model, self.model.system.rows
-        x, back = np.zeros(model.q.size), np.zeros(w.size)
-        whole = np.sqrt((rows.alpha * w**2).sum())
-        if not whole > 0.0:
-            return 0.0
-        kernel.add_transposed(model.unit, rows, work.g, work.g2, rows.alpha * w, x)
-        kernel.solve(model.unit, model.system.pattern, work.diagonal, work.off, x)
-        x[model.n :] = 0.0
-        kernel.times_jacobian(model.unit, rows, work.g, work.g2, x, back)
-        return float(np.sqrt((rows.alpha * (w - back) ** 2).sum()) / whole)
+        component of the force, or of the torque, of the joint. `work`: q, Φ_q and the factor."""
+        rows, flags = work.y.size, (len(self._first) - 1, self.components)
+        shares = Shares(
+            part=np.zeros(math.prod(flags)),
+            w=np.zeros(rows),
+            back=np.zeros(rows),
+            x=np.zeros(work.q.size),
+        )
+        unit, system = self.model.unit, self.model.system
+        kernel.open_shares(unit, system, self.arrays, there, work, shares)
+        return np.asarray(shares.part.reshape(flags) > _LOST)
 
 
 class ReactionsOf:
@@ -244,17 +206,3 @@ def _sources(model: Model, cut: natural_coordinates.Layout) -> Integers:
 def _block_sums(sums: Any) -> BlockSums:
     """Of a sparse matrix (joints, cut blocks)."""
     return BlockSums(indices(sums.indptr), indices(sums.indices), sums.data.astype(float))
-
-
-def _rigid(D: int) -> list[tuple[Floats, Floats]]:
-    """Unit motions: (velocity (D,), spin (1 or 3,)), first along the axes, then about them."""
-    spins = 1 if D == 2 else 3
-    moves = [(e, np.zeros(spins)) for e in np.eye(D)]
-    return moves + [(np.zeros(D), e) for e in np.eye(spins)]
-
-
-def _turned(spin: Floats, arms: Floats) -> Floats:
-    """(n, D) velocities of arms that turn with a spin."""
-    if arms.shape[1] == 3:
-        return np.asarray(np.cross(spin, arms), dtype=float)
-    return spin[0] * np.stack([-arms[:, 1], arms[:, 0]], axis=1)

@@ -359,7 +359,8 @@ class Sample(Dynamics):
             with self._on_cut() as there:
                 unknown |= shares.open_components(work, there)
         elif redundant:
-            unknown |= cut.indeterminate(cut.on_cut_blocks(work.q), work)
+            lent = self._instruments.lend_cut()
+            unknown |= cut.indeterminate(lent.workspace, work)
         return unknown
 
     # ---------------------------------------------------------------------------------- a notebook

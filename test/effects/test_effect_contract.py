@@ -15,6 +15,7 @@ from numba import types
 from alf_ros import InputError, Simulation, effects, kernel, load_scene
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation import setup as settings
+from support.cut_blocks import on_cut_blocks
 from support.effect_examples import (
     CASES,
     DRIVEN,
@@ -228,14 +229,14 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
     sample = sim.sample()
     layout, reactions = sim.model.layout, sample._reactions()
     cut, D = reactions.cut, layout.dimension
-    q, qd = reactions.on_cut_blocks(sim.state.q), reactions.on_cut_blocks(sim.state.qd)
+    q, qd = on_cut_blocks(reactions, sim.state.q), on_cut_blocks(reactions, sim.state.qd)
     Q = np.zeros(q.size)
     kernel.applied_forces(sample._applied.on(cut), sim.t, q, qd, sample._near, Q)
     kernel.add_friction(
         sample._applied.on(cut), sim.t, q, qd, sample._near, sample.friction_loads, Q
     )
     q, exerted = q.reshape(-1, D), Q.reshape(-1, D)
-    qdd = reactions.on_cut_blocks(sample._accelerated[0].qdd).reshape(-1, D)
+    qdd = on_cut_blocks(reactions, sample._accelerated[0].qdd).reshape(-1, D)
     largest = 0.0
     for body in layout.bodies:
         blocks = list(cut.of_body[body.name])

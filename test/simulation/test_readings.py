@@ -21,6 +21,7 @@ from alf_ros.simulation.observables import READINGS, Reading
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.sample_limits import Place
 from support import effect_examples, joint_cases
+from support.cut_blocks import on_cut_blocks
 from support.paths import ROOT
 
 MECHANISMS = sorted(path.stem for path in (ROOT / 'config/mechanisms').glob('*.yaml'))
@@ -44,15 +45,15 @@ def wrenches(sample: Sample, place: Place) -> Floats:
     D, work = model.layout.dimension, place.work
     state, near, effects = sample.state, sample._near, sample._applied.on(cut.cut)
     Q, t = np.zeros(cut.source.size * D), sample.t
-    q, qd = cut.on_cut_blocks(state.q), cut.on_cut_blocks(state.qd)
+    q, qd = on_cut_blocks(cut, state.q), on_cut_blocks(cut, state.qd)
     kernel.applied_forces(effects, t, q, qd, near, Q)
-    q, qd = cut.on_cut_blocks(work.q), cut.on_cut_blocks(work.qd)
+    q, qd = on_cut_blocks(cut, work.q), on_cut_blocks(cut, work.qd)
     if place.loads.size:
         kernel.add_friction(effects, t, q, qd, near, place.loads, Q)
     needed, rows = -Q, cut.rows
     g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
     kernel.jacobian(model.unit, rows, q, g, g2)
-    kernel.add_mass_times(model.unit, cut.mass, 1.0, cut.on_cut_blocks(work.qdd), needed)
+    kernel.add_mass_times(model.unit, cut.mass, 1.0, on_cut_blocks(cut, work.qdd), needed)
     kernel.add_transposed(model.unit, rows, g, g2, work.y[cut.source_row], needed)
     f, places = needed.reshape(-1, D), q.reshape(-1, D)
     force = cut._shared_points @ f
@@ -98,7 +99,7 @@ def efforts(sample: Sample) -> Floats:
     for name, held in applied.inputs.efforts.items():
         n = model.coordinate_names.index(name)
         found[n] = held.at(sample.t)[0] if isinstance(held, Curve) else held
-    q, qd = cut.on_cut_blocks(sample.state.q), cut.on_cut_blocks(sample.state.qd)
+    q, qd = on_cut_blocks(cut, sample.state.q), on_cut_blocks(cut, sample.state.qd)
     for n, coordinate in enumerate(model.coordinates):
         group = [effect for effect in applied.effects if coordinate.name in effect.coordinates]
         for effect in group:

@@ -30,6 +30,7 @@ from alf_ros.kernel.data.readings import (
     HeldForces,
     JointCoordinates,
     ReadOut,
+    Shares,
 )
 from alf_ros.kernel.data.system import (
     FREE,
@@ -87,6 +88,7 @@ __all__ = [
     'Phase',
     'Prescribed',
     'Rows',
+    'Shares',
     'Problem',
     'Scales',
     'Soft',

@@ -91,6 +91,16 @@ class CutWork(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Shares(Struct):
+    """How far each component of the reactions is open (`open_shares`), and memory for that."""
+
+    part: Floats  # (joints times D + 1 or 3,)
+    w: Floats  # (rows,)
+    back: Floats  # (rows,)
+    x: Floats  # (blocks D,)
+
+
+@dataclass(frozen=True, eq=False)
 class Axes(Struct):
     """Free axes of joints on which effects act, and how the child alone moves along each."""
 
