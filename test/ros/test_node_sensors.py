@@ -146,6 +146,53 @@ def test_nothing_is_recorded_that_was_switched_off(tmp_path: Path, capfd) -> Non
     assert 'of sensors' not in capfd.readouterr().out
 
 
+def test_encoders_begin_with_their_run(tmp_path: Path, peer) -> None:
+    """A delayed encoder told the position of the run before, where a later state was restored, and
+    a velocity of the way between both runs."""
+    encoders = '{late: {joint: crank_pin, delay: 0.02}, plain: {joint: crank_pin}}'
+    text = f'mechanism: slider_crank\nsensors: {{encoder: {encoders}}}\n'
+    (tmp_path / 'scene.yaml').write_text(text + 'initial: {velocities: {B: [-4, 0]}}\n')
+    given = {
+        'scene': str(tmp_path / 'scene.yaml'),
+        'start_paused': True,
+        'status_line': False,
+        'rate': 1000.0,
+        'record.folder': str(tmp_path / 'logs'),
+        'state.folder': str(tmp_path / 'states'),
+    }
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = Simulator(StatusLine(stream=io.StringIO()), Stop(), overrides)
+    try:
+        node.begin()
+        control = node._control
+        for _ in range(100):
+            control.run.tick()
+        control.save('later')
+        position = control.run.simulation.sample().joints['crank_pin'].position
+        control.reset(keep_time=True)
+        for _ in range(30):
+            control.run.tick()
+        control.restore('later')
+        for _ in range(25):
+            control.run.tick()
+        recorder = control.run.recorder
+        assert recorder is not None
+    finally:
+        node.close()
+        node.destroy_node()
+    seen: dict[str, list[JointState]] = {'late': [], 'plain': []}
+    with AnyReader([recorder.folder]) as reader:
+        for connection, _, data in reader.messages():
+            label = connection.topic.rpartition('/')[2]
+            if label in seen:
+                seen[label].append(reader.deserialize(data, connection.msgtype))
+    late = [each.position[0] for each in seen['late']]
+    assert late[:21] == [position] * 21 and late[21] != position
+    plain = [each.position[0] for each in seen['plain']]
+    assert plain[:5] == late[20:25]
+    assert seen['plain'][0].velocity[0] == seen['late'][0].velocity[0] == 0.0
+
+
 def test_a_scene_whose_messages_are_missing_is_refused_and_the_node_lives(
     tmp_path: Path, peer, monkeypatch
 ) -> None:
