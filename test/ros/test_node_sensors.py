@@ -139,11 +139,23 @@ def test_nothing_is_recorded_that_was_switched_off(tmp_path: Path, capfd) -> Non
         assert node.wait() == 0, node.output
     waiting = node.output.partition('when subscribed: ')[2]
     assert '~/imu/rod' in waiting
+    assert 'rate above' not in node.output
     with AnyReader([node.logs[0].parent]) as reader:
         topics = {connection.topic for connection in reader.connections}
     assert not {f'/simulator/{label}' for label in TYPES} & topics
     assert main(['verify', str(node.logs[0])]) == 0
     assert 'of sensors' not in capfd.readouterr().out
+
+
+def test_rates_above_the_ticks_are_told(tmp_path: Path) -> None:
+    """The imu sent 50 messages a second in place of 100, without a word."""
+    (tmp_path / 'scene.yaml').write_text(SCENE)
+    options = {'duration': 0.05, 'rate': 50.0, 'record.enabled': False}
+    scene = str(tmp_path / 'scene.yaml')
+    with SimulatorProcess(tmp_path, scene=scene, **options) as node:
+        assert node.wait() == 0, node.output
+    told = 'sensors with a rate above the 50 Hz of ticks: imu/rod (100 Hz)'
+    assert told in node.output
 
 
 def test_encoders_begin_with_their_run(tmp_path: Path, peer) -> None:
