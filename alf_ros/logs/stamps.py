@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from alf_ros.errors import StepError
 
 LAST = 2**31 * 10**9 - 1  # ns: messages of ROS have 31 bits for the seconds
@@ -24,3 +26,11 @@ def message_stamp(t: float, ahead: int, now: float) -> int:
         remedy = 'end the run before it, or reset the time'
         raise StepError(ENDS, remedy, now)
     return stamp
+
+
+def period_of(ns: int, rate: float) -> int:
+    """The number of the period of `rate` (Hz) in which an instant with the stamp `ns` lies.
+
+    A stamp may be half a nanosecond before its instant, which may begin a period.
+    """
+    return math.floor((ns + 0.5) * 1e-9 * rate + 1e-6)

@@ -179,6 +179,11 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     mechanism = fields['mechanism'].mapping()
     if first == 'effects' and rest and 'effects' in fields:
         return (first, *_in_effects(fields['effects'].mapping(), '.'.join(rest)))
+    kinds = fields['effects'].mapping() if 'effects' in fields else ()
+    files = [kind for kind in kinds if effects.short_name(kind) != kind]
+    of_file = _by_file(files, name, short=False)  # which has a dot
+    if of_file:
+        return ('effects', *of_file)
     if first in ('mechanism', 'effects', 'initial', 'solver'):
         return (first, *rest)
     drives = _drives(fields, mechanism)
@@ -218,14 +223,21 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
 def _in_effects(kinds: Iterable[str], name: str) -> tuple[str, ...]:
     """The keys that lead to a value of an effect. Names of files have dots, and the text of a
     scene has their digest too."""
+    return _by_file(kinds, name, True) or tuple(name.split('.'))
+
+
+def _by_file(kinds: Iterable[str], name: str, short: bool) -> tuple[str, ...]:
+    """The keys that lead to a value of one of the effects, if the name begins with a kind or its
+    file, or `short`, with the name that the file gives to the effect; else none."""
     for kind in kinds:
         path = kind.partition('#')[0]
-        for way in (kind, path, path.rpartition('/')[2], effects.short_name(kind)):
+        ways = [kind, path, path.rpartition('/')[2]]
+        for way in (*ways, effects.short_name(kind)) if short else ways:
             if name == way:
                 return (kind,)
             if name.startswith(f'{way}.'):
                 return (kind, *name[len(way) + 1 :].split('.'))
-    return tuple(name.split('.'))
+    return ()
 
 
 def _that_have(

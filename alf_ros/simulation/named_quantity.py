@@ -39,7 +39,18 @@ class NamedQuantity:
 
     def read(self, sample: Sample) -> Floats:
         """(components,) in a sample."""
-        found = np.asarray(self.group.read(sample)[self.row], dtype=float)
+        return self._of(np.asarray(self.group.read(sample), dtype=float))
+
+    def read_beside(self, sample: Sample) -> tuple[Floats, float]:
+        """As `read`, with the largest finite size in its group with the same units: a
+        much smaller value may be rounding."""
+        every = np.asarray(self.group.read(sample), dtype=float)
+        alike = [unit in self.units for unit in self.group.units]
+        sizes = np.abs(every[:, alike] if self.group.components else every)
+        return self._of(every), float(sizes.max(initial=0.0, where=np.isfinite(sizes)))
+
+    def _of(self, every: Floats) -> Floats:
+        found = every[self.row]
         return np.atleast_1d(found if self.component is None else found[self.component])
 
     @property

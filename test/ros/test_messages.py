@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 
 from alf_ros import Simulation, load_scene
 from alf_ros.errors import StepError
-from alf_ros.logs.stamps import stamp_ns
+from alf_ros.logs.stamps import period_of, stamp_ns
 from alf_ros.model.softest_modes import near as near_level
 from alf_ros.ros.messages.templates import to_time
 from alf_ros.ros.messages.topics import TOPICS
@@ -61,6 +61,14 @@ def test_zero_is_no_stamp():
 @pytest.mark.parametrize('step', [1, 7, 999_999, 123_456_789])
 def test_stamps_are_the_nearest_nanosecond(step):
     assert stamp_ns(step * 1e-3) == step * 1_000_000
+
+
+@pytest.mark.parametrize('rate', [100, 3000, 6000, 7000, 60_000])
+@pytest.mark.parametrize('first', [0, 100_000])
+def test_each_tick_is_in_a_period_of_its_own(rate, first):
+    """Of the rate of the ticks: stamps are rounded, and a third of them lost their period."""
+    ticks = range(first * rate, first * rate + 3000)
+    assert [period_of(stamp_ns(tick / rate), rate) for tick in ticks] == list(ticks)
 
 
 def test_a_stamp_is_split_into_seconds_and_nanoseconds():

@@ -72,6 +72,6 @@ def test_every_effect_has_a_cost():
 def test_long_lists_are_short_lines():
     simulation = Simulation(load_scene('slider_crank'))
     outputs = {'on': [f'topic_{n}' for n in range(20)], 'subscribed': [], 'off': []}
-    assert startup_report.lines(simulation, outputs, {})[2].endswith(
+    assert startup_report.lines(simulation, outputs, {}, 0.01)[2].endswith(
         'topic_13 and 6 more; when subscribed: none; off: none'
     )

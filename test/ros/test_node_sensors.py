@@ -139,11 +139,70 @@ def test_nothing_is_recorded_that_was_switched_off(tmp_path: Path, capfd) -> Non
         assert node.wait() == 0, node.output
     waiting = node.output.partition('when subscribed: ')[2]
     assert '~/imu/rod' in waiting
+    assert 'rate above' not in node.output
     with AnyReader([node.logs[0].parent]) as reader:
         topics = {connection.topic for connection in reader.connections}
     assert not {f'/simulator/{label}' for label in TYPES} & topics
     assert main(['verify', str(node.logs[0])]) == 0
     assert 'of sensors' not in capfd.readouterr().out
+
+
+def test_rates_above_the_ticks_are_told(tmp_path: Path) -> None:
+    """The imu sent 50 messages a second in place of 100, without a word."""
+    (tmp_path / 'scene.yaml').write_text(SCENE)
+    options = {'duration': 0.05, 'rate': 50.0, 'record.enabled': False}
+    scene = str(tmp_path / 'scene.yaml')
+    with SimulatorProcess(tmp_path, scene=scene, **options) as node:
+        assert node.wait() == 0, node.output
+    told = 'sensors with a rate above the 50 Hz of ticks: imu/rod (100 Hz)'
+    assert told in node.output
+
+
+def test_encoders_begin_with_their_run(tmp_path: Path, peer) -> None:
+    """A delayed encoder told the position of the run before, where a later state was restored, and
+    a velocity of the way between both runs."""
+    encoders = '{late: {joint: crank_pin, delay: 0.02}, plain: {joint: crank_pin}}'
+    text = f'mechanism: slider_crank\nsensors: {{encoder: {encoders}}}\n'
+    (tmp_path / 'scene.yaml').write_text(text + 'initial: {velocities: {B: [-4, 0]}}\n')
+    given = {
+        'scene': str(tmp_path / 'scene.yaml'),
+        'start_paused': True,
+        'status_line': False,
+        'rate': 1000.0,
+        'record.folder': str(tmp_path / 'logs'),
+        'state.folder': str(tmp_path / 'states'),
+    }
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = Simulator(StatusLine(stream=io.StringIO()), Stop(), overrides)
+    try:
+        node.begin()
+        control = node._control
+        for _ in range(100):
+            control.run.tick()
+        control.save('later')
+        position = control.run.simulation.sample().joints['crank_pin'].position
+        control.reset(keep_time=True)
+        for _ in range(30):
+            control.run.tick()
+        control.restore('later')
+        for _ in range(25):
+            control.run.tick()
+        recorder = control.run.recorder
+        assert recorder is not None
+    finally:
+        node.close()
+        node.destroy_node()
+    seen: dict[str, list[JointState]] = {'late': [], 'plain': []}
+    with AnyReader([recorder.folder]) as reader:
+        for connection, _, data in reader.messages():
+            label = connection.topic.rpartition('/')[2]
+            if label in seen:
+                seen[label].append(reader.deserialize(data, connection.msgtype))
+    late = [each.position[0] for each in seen['late']]
+    assert late[:21] == [position] * 21 and late[21] != position
+    plain = [each.position[0] for each in seen['plain']]
+    assert plain[:5] == late[20:25]
+    assert seen['plain'][0].velocity[0] == seen['late'][0].velocity[0] == 0.0
 
 
 def test_a_scene_whose_messages_are_missing_is_refused_and_the_node_lives(

@@ -87,6 +87,19 @@ def test_effects_from_files_have_full_names(kind: str, tmp_path: Path) -> None:
     assert list(Simulation(scene, tangents=[name]).sample().tangents) == [name]
 
 
+def test_the_name_of_a_file_names_its_effect(tmp_path: Path) -> None:
+    """Also without `effects` before it; the message was about a part `py` that there is not."""
+    shutil.copy(load('drag').__file__ or '', tmp_path / 'wind.py')
+    file = tmp_path / 'robot.yaml'
+    file.write_text(ROBOT + '  wind.py: {lower: {on: lower, linear: 8.0}}\n', 'utf-8')
+    scene = load_scene(file)
+    assert overrides.number(scene, 'wind.py.lower.linear') == 8.0
+    changed = overrides.with_changes(scene, {'wind.py.lower.linear': '9'})
+    assert overrides.number(changed, 'lower.linear') == 9.0
+    with pytest.raises(InputError, match="'lineal'; did you mean 'linear'"):
+        overrides.number(scene, 'wind.py.lower.lineal')
+
+
 def test_a_coupling_has_a_short_name() -> None:
     """In changes, ensembles and tangents."""
     scene, name = scene_from_text(ROBOT), 'belt.joints.shoulder'

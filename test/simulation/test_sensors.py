@@ -145,6 +145,27 @@ def test_an_encoder_counts_and_is_late() -> None:
     assert sensors.read(simulation.sample())['encoder']['position'].tolist() == [0.0]
 
 
+def test_an_encoder_forgets_a_run_that_does_not_go_on() -> None:
+    """It continued with positions of the run before, where a later state was restored."""
+    scene = pendulum(encoder={'joint': 'pin', 'delay': 0.05})
+    simulation, sensors = Simulation(scene, step=1e-3), Sensors(scene)
+    simulation.step(1000)
+    later = simulation.state
+    position = simulation.sample().joints['pin'].position
+    simulation.reset()
+    for _ in range(100):
+        simulation.step()
+        sensors.follow(simulation.sample())
+    simulation.restore(later)
+    sensors.forget()
+    for k in range(51):
+        found = sensors.read(simulation.sample())['encoder']
+        assert found['position'].tolist() == [position], k
+        assert found['velocity'].tolist() == [0.0]
+        simulation.step()
+    assert sensors.read(simulation.sample())['encoder']['position'] != position
+
+
 def test_a_range_is_infinite_outside_its_limits() -> None:
     for limits, wanted in (
         ({}, ARM),

@@ -379,6 +379,17 @@ def test_samples_that_are_too_far_apart_are_told(of: str, fine: int, coarse: int
         assert (abs(found.value / exact - 1.0) > 1e-3) == told
 
 
+@pytest.mark.parametrize('of', ['mean(energy)', 'rms(energy)', 'max(energy)'])
+def test_an_energy_that_stays_zero_needs_no_closer_samples(of: str) -> None:
+    """A pendulum that is let go at the height of its pivot has no energy but rounding, with any
+    gravity."""
+    simulation = Simulation(load_scene('pendulum'))
+    found = gradient(simulation, of, ['gravity.acceleration.1'], duration=1.0, every=10)
+    assert abs(found.value) < 1e-12 and not found.trouble
+    if of == 'mean(energy)':
+        assert found.by['gravity.acceleration.1'] == pytest.approx(0.0, abs=1e-12)
+
+
 def servo(velocity_gain: float) -> Scene:
     table = [[0, 0], [0.3, 0.6], [0.8, 0.2]]
     gains = {'position_gain': 30, 'velocity_gain': velocity_gain}

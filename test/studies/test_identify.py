@@ -246,6 +246,9 @@ def test_prior_and_bounds() -> None:
     bound = identify(scene(), recording, FIT, window=1.0, bounds={'coupler.mass': (0.5, 1.1)})
     assert bound.at_bounds == ('coupler.mass',)
     assert bound['coupler.mass'] == pytest.approx(1.1, rel=1e-5)
+    low, high = bound.intervals[0]
+    assert high == 1.1 and low == pytest.approx(1.1 - 1.96 * bound.deviations[0], rel=1e-4)
+    assert bound.bounds.tolist() == [[0.5, 1.1], [0.0, np.inf]]
 
 
 def test_a_number_that_ends_at_zero_is_at_its_bound() -> None:
@@ -257,6 +260,9 @@ def test_a_number_that_ends_at_zero_is_at_its_bound() -> None:
     found = identify(geared, machine().recording(2e-3), ['drive.armature'], window=0.5)
     assert found['drive.armature'] < 1e-6 and found.at_bounds == ('drive.armature',)
     assert found.settled
+    low, high = found.intervals[0]
+    assert low == 0.0 and high == pytest.approx(1.96 * found.deviations[0], rel=1e-3)
+    assert '95 %: 0 to ' in str(found) and ', at its bound' in str(found)
 
 
 def test_outliers_with_a_robust_loss() -> None:

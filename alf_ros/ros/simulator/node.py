@@ -191,9 +191,9 @@ class Simulator(Node):
         self._status.say(f'running: step {step:g} s, tick {tick:g} s, {state}; {log}')
 
     def _say_what_is_on(self) -> None:
-        simulation = self._control.run.simulation
+        simulation, tick = self._control.run.simulation, self._control.run.setup.tick
         prices = self._outputs.sensor_prices(simulation)
-        for line in startup_report.lines(simulation, self._outputs.switched(), prices):
+        for line in startup_report.lines(simulation, self._outputs.switched(), prices, tick):
             self._status.say(line)
 
     def close(self) -> None:

@@ -119,6 +119,7 @@ class NodeRun:
             self.recorder = Recorder(self._folder, scene.name, info, split=self._split)
         self._chain = ''
         self._outputs.record(self.recorder)
+        self._outputs.begin()
         self._outputs.describe(scene, self.stamp)
         self.note({'kind': 'start', **about})
         sample = self.simulation.sample()

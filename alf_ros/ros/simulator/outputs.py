@@ -142,6 +142,11 @@ class Outputs:
         if self._sensors is not None and self._sensors_recorded:
             self._sensors.record(recorder)
 
+    def begin(self) -> None:
+        """A run begins: its sensors forget the one before."""
+        if self._sensors is not None:
+            self._sensors.begin()
+
     def send(
         self,
         simulation: Simulation,

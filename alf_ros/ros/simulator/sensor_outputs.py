@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 from rclpy.qos import QoSProfile
 
 from alf_ros.errors import StepError
+from alf_ros.logs.stamps import period_of
 from alf_ros.ros.messages.sensor_messages import Fill, message_type, writer
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator.output_costs import TopicCost
@@ -69,6 +69,11 @@ class SensorOutputs:
         """From now on log to `recorder`."""
         for topic in self._topics.values():
             topic.output.record(recorder)
+
+    def begin(self) -> None:
+        """A run begins, at any time: the one before does not count."""
+        self._sensors.forget()
+        for topic in self._topics.values():
             topic.period = -1
 
     def look(self) -> None:
@@ -128,6 +133,6 @@ class SensorOutputs:
         """Whether this is the first instant of a period of the sensor."""
         if not topic.rate:
             return True
-        period = math.floor(ns * 1e-9 * topic.rate + 1e-6)
+        period = period_of(ns, topic.rate)
         before, topic.period = topic.period, period
         return period != before

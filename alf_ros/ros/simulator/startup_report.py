@@ -12,16 +12,18 @@ JOINTLESS = (
     'ignored; see ~/state, ~/markers and tf, and push with ~/wrench/<body>'
 )
 _MOST = 14  # names on a line
+_SAME = 1e-6  # of a rate
 
 
 def lines(
     simulation: Simulation,
     outputs: Mapping[str, Sequence[str]],
     sensors: Mapping[str, float],
+    tick: float,
 ) -> list[str]:
     """Adjustments of the mechanism; meshes that viewers will not find; effects on, each with its
-    µs per step here and now, and off; `sensors` with their µs per message; the ledger; outputs by
-    `Outputs.switched`."""
+    µs per step here and now, and off; `sensors` with their µs per message, and those that ticks
+    (s) are too long for; the ledger; outputs by `Outputs.switched`."""
     # Imported late: loading the solver takes a good part of the start.
     from alf_ros import effects
     from alf_ros.inspection.effect_costs import call_costs
@@ -29,6 +31,11 @@ def lines(
 
     costs = [f'{label} {cost:.2g} µs' for label, cost in call_costs(simulation).items()]
     measured = [f'{label} {price:.2g} µs' for label, price in sensors.items()]
+    fast = [
+        f'{each.label} ({each.parameters.rate:g} Hz)'
+        for each in simulation.scene.sensors
+        if (each.parameters.rate or 0.0) * tick > 1.0 + _SAME
+    ]
     named = {effect.kind for effect in simulation.scene.effects}
     absent = [kind for kind in effects.kinds() if kind not in named]
     on, subscribed, off = (_listed(outputs[mode]) for mode in ('on', 'subscribed', 'off'))
@@ -47,6 +54,11 @@ def lines(
         f'effects on, per step: {_listed(costs)}; ledger {"on" if simulation.ledger else "off"}',
         f'effects off: {_listed(absent)}',
         *([f'sensors, per message: {_listed(measured)}'] if sensors else []),
+        *(
+            [f'sensors with a rate above the {1.0 / tick:g} Hz of ticks: {_listed(fast)}']
+            if fast
+            else []
+        ),
         f'outputs on: {on}; when subscribed: {subscribed}; off: {off}',
     ]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from rclpy.duration import Duration
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from alf_ros.errors import InputError
+from alf_ros.logs.stamps import period_of
 from alf_ros.ros.recording.recorder import Recorder
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Output:
         return not self.rate or self._period(ns) != self._recorded
 
     def _period(self, ns: int) -> int:
-        return math.floor(ns * 1e-9 * self.rate + 1e-6)
+        return period_of(ns, self.rate)
 
     def due(self, ns: int) -> bool:
         """Whether the log wants a message of this stamp."""

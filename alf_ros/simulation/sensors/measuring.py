@@ -29,7 +29,8 @@ _SAME = 1e-9  # s
 class Sensors:
     """The sensors of a scene, by label and in its order.
 
-    A delayed encoder remembers positions: `follow` every sample, also those that are not read.
+    A delayed encoder remembers positions: `follow` every sample, also those that are not read, and
+    `forget` them where another run begins, as with `Simulation.restore`.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -60,6 +61,12 @@ class Sensors:
         """Let delayed encoders remember the positions of a sample."""
         for each in self._delayed:
             each.follow(sample)
+
+    def forget(self) -> None:
+        """A run begins: encoders forget the time before it."""
+        for each in self._measures.values():
+            if isinstance(each, _Encoder):
+                each.forget()
 
     def read(
         self, sample: Sample, labels: Collection[str] | None = None
@@ -230,6 +237,10 @@ class _Encoder(_Measure):
         super().__init__(scene, sensor)
         self.delay: float = sensor.parameters.delay
         self._place: int | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin without a past."""
         self._past: deque[tuple[float, float]] = deque()  # of the last delay, and one before
         self._last = (math.nan, 0.0)  # time and result of the last measurement
 

@@ -32,6 +32,7 @@ from alf_ros.studies.optimisation.folds import FOLDS, Folded, unit_of
 
 _SAME = 1e-9  # of the largest value: what differs by less does not jump
 _COARSE = 1e-3  # of the largest value: how far the number of half the samples may be off
+_ROUNDING = 1e-9  # of the values beside it: a number that is off by less does not count
 _SHORTEST = 3  # samples of a part between two changes of inputs that has its own polynomials
 _FEW = 6  # samples of a polynomial: fewer tell nothing of those between them
 
@@ -157,13 +158,13 @@ def _gradient(
         run = TapedRun(simulation, names)
     fold, number, unit = _objective(of, simulation.sample(), run.displaced)
     samples = _sampled(run, number, simulation, stretches, every)
-    values = np.array(list(samples.values()))
+    values, sizes = map(np.array, zip(*samples.values(), strict=True))
     if not np.isfinite(values).all():
         raise InputError('it has no value on the way', key='of', value=of)
     trouble = simulation.sample().diagnostics.trouble
     t = np.array([instant.step for instant in samples]) * simulation.h
     found = fold(t, values, run.kinks)
-    trouble = trouble or _coarse(t, values, found, lambda *half: fold(*half, run.kinks))
+    trouble = trouble or _coarse(t, values, sizes, found, lambda *half: fold(*half, run.kinks))
     weights = {
         instant: weight
         for instant, weight in zip(samples, found.weights.tolist(), strict=True)
@@ -180,10 +181,11 @@ def _sampled(
     simulation: Simulation,
     stretches: Iterator[_Stretch],
     every: int,
-) -> dict[RunInstant, float]:
+) -> dict[RunInstant, tuple[float, float]]:
     """Make the run. Returns the number where it begins and ends, and each `every` steps between;
-    before and behind a change of inputs, by which it jumps or its rates do."""
-    first, found = simulation.step_index, dict[RunInstant, float]()
+    before and behind a change of inputs, by which it jumps or its rates do. With each one the size
+    of the values beside it."""
+    first, found = simulation.step_index, dict[RunInstant, tuple[float, float]]()
     for stretch in stretches:
         stretch.begin()
         begin, end = simulation.step_index, simulation.step_index + stretch.steps
@@ -198,7 +200,7 @@ def _sampled(
     last = simulation.step_index
     if last - first < every:
         raise InputError('longer than the run', key='every', value=every, expected='steps')
-    least = _SAME * max(map(abs, found.values()))
+    least = _SAME * max(abs(value) for value, _ in found.values())
     changes = [n for n, instant in enumerate(found) if instant.begins and instant.step > first]
     sizes = np.diff([0, *changes, len(found)]).tolist()
     instants = list(found)
@@ -206,16 +208,26 @@ def _sampled(
         behind = instants[n]
         before = RunInstant(behind.step)
         # a polynomial across a kink would swing; parts of two samples have no better one
-        if min(beside) < _SHORTEST and abs(found[behind] - found[before]) <= least:
+        if min(beside) < _SHORTEST and abs(found[behind][0] - found[before][0]) <= least:
             del found[behind]
             if (before.step - first) % every:
                 del found[before]
     return found
 
 
-def _coarse(t: Floats, y: Floats, found: Folded, fold: Callable[[Floats, Floats], Folded]) -> str:
+def _coarse(
+    t: Floats,
+    y: Floats,
+    sizes: Floats,
+    found: Folded,
+    fold: Callable[[Floats, Floats], Folded],
+) -> str:
     """Whether a number of samples y (N,) at t (N,) s belongs to its polynomials more than to the
-    quantity, in words: half the samples give another one. Final values need no polynomial."""
+    quantity, in words: half the samples give another one. Final values need no polynomial.
+
+    sizes (N,): of the values beside y. An energy that stays zero is rounding of its parts: each
+    choice of samples has another one.
+    """
     kept = np.arange(t.size) % 2 == 0
     kept[[0, -1]] = True
     twice = np.flatnonzero(np.diff(t) == 0.0)  # both sides of an input
@@ -224,8 +236,8 @@ def _coarse(t: Floats, y: Floats, found: Folded, fold: Callable[[Floats, Floats]
     if is_sample or np.count_nonzero(kept) < _FEW:
         return ''
     half = fold(t[kept], y[kept])
-    size = float(np.abs(y).max()) * float(abs(found.weights).sum())
-    if abs(half.value - found.value) <= _COARSE * size:
+    off = max(_COARSE * float(np.abs(y).max()), _ROUNDING * float(sizes.max()))
+    if abs(half.value - found.value) <= off * float(abs(found.weights).sum()):
         return ''
     return (
         f'samples are too far apart for it: every second one gives {half.value:.6g}; take a '

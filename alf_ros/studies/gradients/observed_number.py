@@ -36,9 +36,10 @@ class ObservedNumber:
     named: NamedNumber
     _derivatives: Derivatives
 
-    def value(self, sample: Sample) -> float:
-        """Its value in a sample."""
-        return number_of(self.named.quantity.read(sample), self.named.is_size)
+    def value(self, sample: Sample) -> tuple[float, float]:
+        """Its value in a sample, and the size of the values beside it (`read_beside`)."""
+        found, size = self.named.quantity.read_beside(sample)
+        return number_of(found, self.named.is_size), size
 
     def add(self, sample: Sample, weight: float, to: Bars) -> None:
         """Add `weight` times its derivatives at a sample. A magnitude has none where it is zero:

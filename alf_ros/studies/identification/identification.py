@@ -158,6 +158,7 @@ class _Work:
             evaluations=self.evaluations,
             settled=solution.settled,
             reason=solution.reason,
+            bounds=np.column_stack([shared.lower, shared.upper]),
             at_bounds=_at_bounds(shared, solution.shared, names),
             trouble=after.trouble,
             runs=runs,

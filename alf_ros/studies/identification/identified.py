@@ -72,10 +72,10 @@ class Identification:
 
     values, before (P,): found, and in the scene; place (P,): where the derivatives are taken, half
     a deviation from the values or less. `scene` as it was, `fitted_scene` with the new numbers.
-    `settled`: whether the fit ended by itself, `reason`: why it did; `at_bounds`: numbers
-    that ended at a bound, whose intervals mean nothing. `trouble`: steps of the runs that are too
-    long, in words; empty if all are resolved. starts: free numbers of each fitted
-    window, of which `windows` has the meaning.
+    `settled`: whether the fit ended by itself, `reason`: why it did. bounds (P, 2): least and
+    largest values, infinite without one; `at_bounds`: numbers that ended at one. `trouble`: steps
+    of the runs that are too long, in words; empty if all are resolved. starts: free numbers of
+    each fitted window, of which `windows` has the meaning.
     """
 
     scene: Scene
@@ -93,6 +93,7 @@ class Identification:
     evaluations: int
     settled: bool
     reason: str
+    bounds: Floats
     at_bounds: tuple[str, ...]
     trouble: str
     runs: WindowRuns = field(repr=False)
@@ -104,9 +105,14 @@ class Identification:
 
     @property
     def intervals(self) -> Floats:
-        """(P, 2) of 95 %, for white noise."""
+        """(P, 2) of 95 %, for white noise, within the bounds.
+
+        The best value without a bound lies behind it, or on it, where a number is at its bound. So
+        the interval from there reaches as far as the one of that value, or further.
+        """
         half = _WIDE * self.deviations
-        return np.column_stack([self.values - half, self.values + half])
+        ends = np.column_stack([self.values - half, self.values + half])
+        return np.clip(ends, self.bounds[:, :1], self.bounds[:, 1:])
 
     @property
     def correlations(self) -> Floats:
