@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -12,6 +13,9 @@ from typing import Any, NoReturn
 from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.scene.text.expression import ExpressionError, evaluate
+
+# the beginning of a word that is a number, never an option
+_NEGATIVE = re.compile(r'-(?:\.?[0-9]|inf|nan)', re.IGNORECASE)
 
 
 class Parser(argparse.ArgumentParser):
@@ -27,6 +31,8 @@ class Parser(argparse.ArgumentParser):
         self.register('type', float, _finite)
         for name in (None, 'store'):
             self.register('action', name, _Store)
+        # argparse takes -1e-3 for an option
+        self._negative_number_matcher = _NEGATIVE
         self.given: set[str] = set()
 
     def parse_known_args(self, *args: Any, **settings: Any) -> Any:

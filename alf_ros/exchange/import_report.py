@@ -108,6 +108,10 @@ MOTION = {
     'gains of actuators': 'the file has none: a motor without gains applies no force by itself',
     'reductions of transmissions': 'a command is the effort of the joint, not that of a motor '
     'before the reduction',
+    'rotors of transmissions': 'the inertia of rotors is not counted: give it as `armature` of '
+    'the motor, times the square of the reduction',
+    'constants of motors': 'a command is the effort of the joint, not a current',
+    'limits of commands': 'efforts beyond them act too, up to the limit of the joint',
     'activation of actuators': 'they act without delay',
     'integrators of actuators': 'they integrate no control: they stay as at the start',
     'force ranges of joints': 'they are of a sum: here of each actuator on the joint or tendon, '

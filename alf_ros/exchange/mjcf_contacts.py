@@ -145,7 +145,7 @@ def _touch(
 
 
 def _shape(mujoco: Any, model: Any, geom: int) -> VisualShape | None:
-    """In the frame of the geom; None for a kind that no shape here has."""
+    """In the frame of the geom; None for a kind or a size that no shape here has."""
     kinds, (a, b, c) = mujoco.mjtGeom, model.geom_size[geom]
     sizes = {
         kinds.mjGEOM_SPHERE: ('sphere', (a,)),
@@ -154,7 +154,10 @@ def _shape(mujoco: Any, model: Any, geom: int) -> VisualShape | None:
         kinds.mjGEOM_BOX: ('box', (2.0 * a, 2.0 * b, 2.0 * c)),
     }
     found = sizes.get(kinds(model.geom_type[geom]))
-    return None if found is None else shape(*found)
+    try:
+        return None if found is None else shape(*found)
+    except ValueError:
+        return None
 
 
 def _kind(mujoco: Any, model: Any, geom: int) -> str:

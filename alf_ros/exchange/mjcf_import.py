@@ -37,6 +37,15 @@ from alf_ros.exchange.robot import (
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _CENTRED = 1e-9  # of the extent: how far from the centre of mass a force of gravity may act
+# numbers of a model from which the robot is made; `size` and ranges may be infinite
+_USED = (
+    *('body_mass', 'body_inertia', 'body_pos', 'body_quat', 'body_ipos', 'body_iquat'),
+    *('body_gravcomp', 'qpos0', 'qpos_spring', 'jnt_pos', 'jnt_axis', 'jnt_stiffness'),
+    *('jnt_margin', 'dof_damping', 'dof_armature', 'dof_frictionloss', 'geom_pos', 'geom_quat'),
+    *('site_pos', 'site_quat', 'eq_data', 'tendon_stiffness', 'tendon_damping'),
+    *('tendon_frictionloss', 'tendon_armature', 'tendon_margin', 'wrap_prm', 'actuator_gear'),
+    *('actuator_gainprm', 'actuator_biasprm', 'actuator_damping', 'actuator_armature'),
+)
 _KINDS = {
     'sensor': 'sensors',
     'key': 'keyframes',
@@ -92,11 +101,14 @@ def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
                 raise
             what = 'the model without missing meshes'
             model, lighter = mjcf_assets.compiled_without(mujoco, path)
-    except ValueError as error:
+    except (ValueError, RuntimeError) as error:  # the second one for an anchor without numbers
         raise InputError(f'MuJoCo refuses {what}: {error}', file=str(path)) from None
-    for key in ('mass', 'inertia', 'pos', 'ipos'):
-        if not np.all(np.abs(getattr(model, f'body_{key}')) <= LARGEST):
-            raise InputError('not usable numbers', file=str(path), key=f'{key} of a body')
+    for key in _USED:
+        if not np.all(np.abs(getattr(model, key)) <= LARGEST):
+            mjcf_nan.check_size(path)
+            raise InputError('not usable numbers', file=str(path), key=key)
+    if not np.all(np.abs(model.opt.gravity) <= LARGEST):
+        mjcf_nan.check_size(path)
     return model, lighter
 
 

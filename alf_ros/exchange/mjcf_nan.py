@@ -1,5 +1,6 @@
 """Numbers of an MJCF that are NaN: MuJoCo warns, and takes some of them for absent ones; and
-coefficients of friction that are infinite or negative, of which it says nothing.
+numbers that are infinite or too large, and negative coefficients of friction, of which it says
+nothing.
 
 A mass of NaN, for example, becomes the one that follows from the density.
 """
@@ -14,6 +15,7 @@ from xml.etree import ElementTree
 
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
+from alf_ros.scene.text.yaml_document import LARGEST
 
 WARNING = "'NaN'"  # in what MuJoCo says then
 # names, of the element itself and of others, which may be `nan`
@@ -44,6 +46,19 @@ def check_friction(path: Path) -> None:
             raise _error(path, element, 'friction', 'a negative coefficient')
 
 
+def check_size(path: Path) -> None:
+    """Refuse the first number that cannot be computed with. Ranges may be infinite, and so may
+    planes. Raises InputError."""
+    for element in _elements(path, path.parent, set()):
+        for key, value in element.attrib.items():
+            if key in (*_NAMES, *_MOVE_NOTHING) or _NAMED.fullmatch(key) or key.endswith('range'):
+                continue
+            if key == 'size' and element.get('type') == 'plane':
+                continue
+            if any(map(_is_too_large, value.split())):
+                raise _error(path, element, key, 'not a usable number')
+
+
 def _error(
     path: Path, element: ElementTree.Element, key: str, text: str = 'not a finite number'
 ) -> InputError:
@@ -70,6 +85,13 @@ def _elements(path: Path, folder: Path, seen: set[Path]) -> Iterator[ElementTree
 def _is_nan(word: str) -> bool:
     try:
         return math.isnan(float(word))
+    except ValueError:
+        return False
+
+
+def _is_too_large(word: str) -> bool:
+    try:
+        return abs(float(word)) > LARGEST
     except ValueError:
         return False
 

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 from alf_ros.exchange import unknown_elements
 from alf_ros.exchange.robot import Robot
+from alf_ros.exchange.sdf_values import number, says
 from alf_ros.exchange.sdf_versions import OF_MODEL
 
 # by element the elements in it that SDF has
@@ -67,10 +68,17 @@ _SEVERAL = frozenset(
     + ('collision', 'visual', 'light', 'battery', 'particle_emitter', 'audio_source', 'world')
     + ('actor', 'state', 'road', 'population')
 )
+# elements that no reader here needs, for settings of solvers and of contact between bodies
+_TRUTHS, _NUMBERS = ('self_collide', 'allow_auto_disable', 'must_be_base_link'), ('max_contacts',)
 
 
 def leave_unknown(robot: Robot, element: ElementTree.Element, name: str) -> None:
-    """Note what SDF does not have within an element of the file that has a name."""
+    """Note what SDF does not have within an element of the file that has a name. Raises
+    InputError for values that its format does not have."""
+    for tag in _TRUTHS:
+        says(element, tag, robot.error, name)
+    for tag in _NUMBERS:
+        number(element, tag, 0.0, robot.error, name)
     for tag, _ in unknown_elements.of(element, _ELEMENTS.get(element.tag, ()), _SEVERAL):
         if (element.tag, tag) != ('include', 'params'):  # which `sdf_import` lists
             robot.leave('unknown elements', f'{tag} of {name}')

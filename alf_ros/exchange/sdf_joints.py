@@ -20,6 +20,7 @@ _KINDS = TYPES | {'screw': 'screw'}  # which only SDF has, with its pitch
 _ENDLESS = 1e15  # a limit from there on is none: the default is 1e16
 _ENDS = (('lower', -1e16), ('upper', 1e16))
 _PITCH = 1.0  # m per turn, if a screw has none
+_PITCHES = ('screw_thread_pitch', 'thread_pitch')
 _PERPENDICULAR = 1e-6  # cosine between two axes
 # numbers that soften limits, below an axis and a joint, with the values at which they do not
 _SOFT_LIMIT = (('limit/stiffness', 1e8), ('limit/dissipation', 1.0))
@@ -191,9 +192,10 @@ class SdfJoints:
 
     def _pitch(self, element: ElementTree.Element, name: str) -> float:
         """m per turn; `thread_pitch`, the older one, is -rad/m."""
-        if element.find('screw_thread_pitch') is not None:
+        given = {tag for tag in _PITCHES if (element.findtext(tag) or '').strip()}
+        if 'screw_thread_pitch' in given:
             return self._number(element, 'screw_thread_pitch', _PITCH, name)
-        if element.find('thread_pitch') is None:
+        if not given:
             self._robot.leave('pitch of screws: default of SDF', name)
             return _PITCH
         per_metre = self._number(element, 'thread_pitch', 1.0, name)
@@ -208,7 +210,7 @@ class SdfJoints:
         axis = ElementTree.Element(tag) if axis is None else axis
         xyz = axis.find('xyz')
         error = self._robot.error
-        u = numbers((xyz is not None and xyz.text) or '0 0 1', 3, error, name, xyz)
+        u = numbers('0 0 1' if xyz is None else xyz.text or '', 3, error, name, xyz)
         if not np.linalg.norm(u) > 0.0:
             raise error(name, 'zero is no direction', xyz)
         given = '' if xyz is None else xyz.get('expressed_in', '')

@@ -73,7 +73,8 @@ def _resists_turning(collision: ElementTree.Element, refuse: Refuse, key: str) -
     torsional = collision.find('surface/friction/torsional')
     by_patch = says(torsional, 'use_patch_radius', refuse, key, default=True)
     size = number(torsional, 'patch_radius' if by_patch else 'surface_radius', 0.0, refuse, key)
-    return bool(size and number(torsional, 'coefficient', 1.0, refuse, key))
+    coefficient = number(torsional, 'coefficient', 1.0, refuse, key)
+    return bool(size and coefficient)
 
 
 def _is_other(

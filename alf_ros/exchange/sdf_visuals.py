@@ -93,6 +93,8 @@ def _shape(visual: ElementTree.Element, folder: Path) -> VisualShape:
     """Raises ValueError."""
     color = visual.findtext('material/diffuse') or visual.findtext('material/ambient')
     rgba = None if color is None else [*map(decimal, color.split()), 1.0][:4]
+    if rgba is not None and len(rgba) < 4:
+        raise ValueError(color)
     for each in visual.iterfind('geometry/*'):
         if each.tag == 'mesh':
             if each.find('submesh') is not None:

@@ -16,6 +16,8 @@ from alf_ros.exchange.robot import Actuator, Robot
 
 _REDUCTIONS = ('mechanicalReduction', 'mechanical_reduction', 'gear_ratio')
 _ROTORS = ('motorInertia', 'rotor_inertia')
+_CONSTANTS = ('motorTorqueConstant', 'motor_torque_constant')  # N m per ampere
+_ENDS = ('min', 'max')  # of commands
 
 
 def initial_positions(xml: ElementTree.Element) -> dict[str, ElementTree.Element]:
@@ -40,15 +42,30 @@ def leave(robot: Robot, xml: ElementTree.Element, mimics: Container[str]) -> Non
             begins = any(each.get('name') == 'initial_value' for each in state.findall('param'))
             if begins and state.get('name') == 'velocity':
                 robot.leave('velocities of joints', name)
+        _leave_of_motors(robot, name, {each.get('name', '') for each in joint.findall('param')})
+        for command in joint.findall('command_interface'):
+            limited = any(each.get('name') in _ENDS for each in command.findall('param'))
+            if limited and command.get('name') == 'effort':
+                robot.leave('limits of commands', name)
     for transmission in (*xml.findall('transmission'), *xml.findall('ros2_control/transmission')):
         names = [joint.get('name', '') for joint in transmission.findall('joint')]
         tags = {each.tag.rpartition('}')[2] for each in transmission.iter()}
-        for name in names if not tags.isdisjoint(_ROTORS) else ():
-            robot.leave('limits, damping, friction, springs, armature', name)
+        for name in names:
+            _leave_of_motors(robot, name, tags)
         reduced = [text for text in _reductions(transmission) if not _is_one(text)]
         if reduced:
             told = f'{", ".join(names)} by {", ".join(reduced)}'
             robot.leave('reductions of transmissions', told)
+
+
+def _leave_of_motors(robot: Robot, joint: str, told: Container[str]) -> None:
+    """Note numbers of the motor of a joint; `told`: names of all that the file says of it."""
+    for kind, names in (
+        ('rotors of transmissions', _ROTORS),
+        ('constants of motors', _CONSTANTS),
+    ):
+        if any(name in told for name in names):
+            robot.leave(kind, joint)
 
 
 def _reductions(transmission: ElementTree.Element) -> Iterator[str]:
@@ -69,7 +86,8 @@ def _is_one(text: str) -> bool:
 def add(robot: Robot, xml: ElementTree.Element, limits: dict[str, float | None]) -> None:
     """Add a motor for each joint that an actuator pushes.
 
-    limits: of effort, N m or N, by joint; joints that do not move are not among them.
+    limits: of effort, N m or N, by joint; joints that do not move are not among them. Raises
+    InputError for a negative one.
     """
     seen = set()
     for joint, effort in (*_transmissions(xml), *_controlled(xml)):
@@ -78,7 +96,12 @@ def add(robot: Robot, xml: ElementTree.Element, limits: dict[str, float | None])
                 robot.leave('actuators', joint)
             continue
         seen.add(joint)
-        robot.actuators.append(Actuator(f'{joint}_motor', joint, limit=limits[joint]))
+        limit = limits[joint]
+        if limit is not None and limit < 0.0:
+            at = next((each for each in xml.findall('joint') if each.get('name') == joint), None)
+            at = at if at is None else at.find('limit')
+            raise robot.error(joint, 'negative effort', at, value=limit, expected='0 or more')
+        robot.actuators.append(Actuator(f'{joint}_motor', joint, limit=limit))
         if not effort:
             robot.leave('gains of actuators', joint)
 

@@ -210,6 +210,16 @@ def test_numbers_are_expressions_by_name():
             numbers([text])
 
 
+@pytest.mark.parametrize('text', ['-1e-12', '-1.5E3', '-.5', '-2'])
+def test_negative_numbers_are_no_options(text: str) -> None:
+    """One with an exponent was refused as if it were absent."""
+    parser = Parser('try')
+    parser.add_argument('--at', type=float)
+    assert parser.parse_args(['--at', text]).at == float(text)
+    with pytest.raises(InputError, match="argument --at: not a finite number: '-1e400'"):
+        parser.parse_args(['--at', '-1e400'])
+
+
 def test_options_of_several_values_add_up() -> None:
     parser = Parser('try')
     parser.add_argument('--by', nargs='+', default=[1], type=int)

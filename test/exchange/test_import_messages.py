@@ -250,6 +250,10 @@ SDF = """<sdf version="1.9"><model name="m">
         ('<child>b</child>', '', 6, 'q: no <child>'),
         ('<child>b', '<child>a', 6, "q: both sides are of one body, 'a'"),
         ('<xyz>0 1 0', '<xyz>0 0 0', 8, 'q: zero is no direction'),
+        ('<xyz>0 1 0', '<xyz>', 8, "q: not usable numbers, got ''; expected 3 numbers"),
+        ('<pose', '<collision name="c"><max_contacts>zero</max_contacts></collision><pose', 5,
+         "b: not usable numbers, got 'zero'; expected a number"),
+        ('<pose', '<self_collide>maybe</self_collide><pose', 5, 'b: neither true nor false'),
         ('<xyz>', '<xyz expressed_in="c">', 8, "c: no such frame, got 'c'"),
         ('<lower>-1', '<lower>-1 rad', 9, "q: not a number, got '-1 rad'"),
         ('version="1.9"', 'version="2"', 1, "sdf version: not a version of SDF that is read, got"),
@@ -262,6 +266,20 @@ def test_a_mistake_in_an_sdf_has_its_line(
     with pytest.raises(InputError) as caught:
         imported(path)
     assert str(caught.value).startswith(f'{path}:{line}: {message}')
+
+
+def test_a_colour_of_one_number_in_an_sdf_is_no_traceback(tmp_path: Path) -> None:
+    shape = """<visual name="v"><geometry><sphere><radius>1</radius></sphere></geometry><material>
+    <diffuse>1</diffuse></material></visual><pose"""
+    text = imported(saved(tmp_path, 'it.sdf', SDF.replace('<pose', shape)))
+    assert 'shapes 1' in text
+
+
+def test_a_pitch_without_a_number_is_listed(tmp_path: Path) -> None:
+    """It became the default of SDF without a word."""
+    screw = SDF.replace('revolute', 'screw').replace('<child>', '<screw_thread_pitch/><child>')
+    text = imported(saved(tmp_path, 'it.sdf', screw))
+    assert 'pitch of screws: default of SDF' in text
 
 
 def test_a_mistake_in_an_included_sdf_has_that_file(tmp_path: Path) -> None:
@@ -442,7 +460,8 @@ TWO_LINKS = """<robot name="r"><link name="base"/>
 </link>
 <joint name="p" type="continuous"><parent link="base"/><child link="a"/>
  <dynamics damping="1" friction="2"/></joint>
-<joint name="q" type="fixed"><parent link="a"/><child link="b"/></joint></robot>"""
+<joint name="q" type="fixed"><parent link="a"/><child link="b"/></joint>
+<transmission name="t"><joint name="p"/></transmission></robot>"""
 THE_SAME = """<sdf version="1.9"><model name="r">
 <link name="a"><inertial><mass>3</mass></inertial></link>
 <link name="b">
@@ -461,6 +480,8 @@ THE_SAME = """<sdf version="1.9"><model name="r">
         ('it.urdf', TWO_LINKS, 'izz="2"', 'izz="9"', 6, 'b: no body has such an inertia: each'),
         ('it.urdf', TWO_LINKS, 'damping="', 'damping="-', 8, 'p: negative damping, got -1.0'),
         ('it.urdf', TWO_LINKS, 'friction="', 'friction="-', 8, 'p: negative friction, got -2.0'),
+        ('it.urdf', TWO_LINKS, '<dynamics', '<limit effort="-4" velocity="1"/><dynamics', 9,
+         "p: negative effort, got -4.0; expected 0 or more"),
         ('it.sdf', THE_SAME, '<mass>2', '<mass>-5', 4, 'b: negative mass, got -5.0'),
         ('it.sdf', THE_SAME, '<izz>2', '<izz>9', 4, 'b: no body has such an inertia: each'),
         ('it.sdf', THE_SAME, '<damping>', '<damping>-', 6, 'p: negative damping, got -1.0'),

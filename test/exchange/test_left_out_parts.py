@@ -46,6 +46,10 @@ def of_arm(more: str) -> str:
     return hinge().replace('<link name="arm">', f'<link name="arm">{more}')
 
 
+def controlled(more: str) -> str:
+    return f'<ros2_control><joint name="j">{more}</joint></ros2_control>'
+
+
 def ode(more: str) -> str:
     return f'<physics><ode>{more}</ode></physics>'
 
@@ -60,6 +64,11 @@ def report(tmp_path: Path, name: str, text: str) -> tuple[list[str], Path]:
 
 
 JOINTS = 'limits, damping, friction, springs, armature: these joints have none: j'
+ROTORS = (
+    'rotors of transmissions: the inertia of rotors is not counted: give it as `armature` of the '
+    'motor, times the square of the reduction'
+)
+CONSTANTS = 'constants of motors: a command is the effort of the joint, not a current'
 GAZEBO = '<gazebo reference="arm"><static>true</static><mu1>0.1</mu1></gazebo>'
 SPRING = '<gazebo reference="j"><springStiffness>5</springStiffness></gazebo>'
 MIMIC = '<ros2_control><joint name="j"><param name="mimic">k</param></joint></ros2_control>'
@@ -213,13 +222,20 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{NO_ATTRIBUTE}: limit efort of j'),
         ('a.urdf', URDF.replace('MORE', HALF), 'gravity off: these bodies have weight here: arm'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
-        ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),
+        ('a.urdf', URDF.replace('MORE', ROTOR), f'{ROTORS}: j'),
+        ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'motorTorqueConstant')),
+         f'{CONSTANTS}: j'),
+        ('a.urdf', URDF.replace('MORE', controlled('<param name="rotor_inertia">1</param>')),
+         f'{ROTORS}: j'),
+        ('a.urdf', URDF.replace('MORE', controlled('<command_interface name="effort">'
+         '<param name="max">1</param></command_interface>')),
+         'limits of commands: efforts beyond them act too, up to the limit of the joint: j'),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
             LIMIT, '<mimic joint="k"/>'), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace(LIMIT, LIMIT + '<mimic joint="k"/>').replace('MORE', PLANE),
          "mimic: these joints are free: j, for 'k' has several coordinates"),
         ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'drake:rotor_inertia')),
-         JOINTS),
+         f'{ROTORS}: j'),
         ('a.urdf', URDF.replace('MORE', geared('<actuator name="a"><mechanicalReduction>50'
          '</mechanicalReduction></actuator>')), f'{REDUCED}: j by 50'),
         ('a.urdf', URDF.replace('MORE', geared('<mechanicalReduction>-3.5</mechanicalReduction>')),

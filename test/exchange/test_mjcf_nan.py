@@ -1,7 +1,10 @@
-"""Numbers that are NaN in an MJCF are refused with their line; MuJoCo takes some for absent."""
+"""Numbers that are NaN, infinite or too large in an MJCF are refused with their line; MuJoCo takes
+NaN for absent at some places."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -53,3 +56,50 @@ def test_nan_that_moves_nothing_is_listed(tmp_path: Path) -> None:
     head = '<custom><numeric name="x" data="nan"/></custom>'
     text = imported(saved(tmp_path, 'it.xml', mjcf('nan', head=head)))
     assert "XML contains a 'NaN'" in text
+
+
+@pytest.mark.parametrize(
+    ('source', 'told'),
+    [
+        (mjcf().replace('name="j"', 'ref="inf"'), "1: joint: ref: not a usable number, got 'inf'"),
+        (mjcf().replace('<joint', '<joint pos="0 inf 0"'), '1: joint j: pos: not a usable number'),
+        (mjcf().replace('name="b"', 'quat="inf 0 0 1"'), '1: body: quat: not a usable number'),
+        (mjcf(geom='mass="1e300"'), "2: geom: mass: not a usable number, got '1e300'"),
+        (mjcf(head='<option gravity="0 -inf 0"/>'), '1: option: gravity: not a usable number'),
+        (
+            mjcf(geom='mass="inf"').replace(
+                '<worldbody>', '<worldbody><geom type="plane" size="inf 1 1"/>'
+            ),
+            "2: geom: mass: not a usable number, got 'inf'",
+        ),
+    ],
+)
+def test_a_number_that_is_too_large_has_its_line(source: str, told: str, tmp_path: Path) -> None:
+    """Some ended in a traceback, others in a line about the imported mechanism."""
+    path = saved(tmp_path, 'it.xml', source)
+    with pytest.raises(InputError) as caught:
+        imported(path, scene=True)
+    assert str(caught.value).startswith(f'{path}:{told}')
+
+
+@pytest.mark.parametrize('size', ['inf', '1e300'])
+def test_a_shape_without_end_touches_nothing(size: str, tmp_path: Path) -> None:
+    """It was a traceback."""
+    inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/>'
+    plane = '<worldbody><geom type="plane" size="1 1 1"/>'
+    source = mjcf(geom='contype="1"', more=inertial).replace('"0.1" pos', f'"{size}" pos')
+    path = saved(tmp_path, 'it.xml', source.replace('<worldbody>', plane))
+    text = imported(path, contact=1e5)
+    assert 'contact of other shapes: these pass through the ground: ' in text
+    assert 'ground_contact' not in text
+
+
+def test_an_anchor_without_numbers_is_one_line(tmp_path: Path) -> None:
+    """In a process of its own: MuJoCo may hang after such a failure."""
+    more = '</worldbody><equality><connect body1="b" anchor=""/></equality><worldbody>'
+    path = saved(tmp_path, 'it.xml', mjcf().replace('</worldbody>', more + '</worldbody>'))
+    command = [sys.executable, '-m', 'alf_ros', 'import', path]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert ended.returncode == 2
+    assert 'MuJoCo refuses it' in ended.stderr
+    assert ended.stderr.count('\n') == 1

@@ -427,3 +427,15 @@ def test_what_is_no_report_of_this_store_is_left_as_it_is(short, tmp_path, capsy
     assert (tmp_path / 'keep.html').read_text() == 'years of work'
     there = sorted(path.name for path in tmp_path.iterdir())
     assert there == ['keep.html', 'run', 'run.html', 'short.yaml']
+
+
+def test_a_store_that_is_removed_while_a_study_runs(whole, tmp_path: Path) -> None:
+    """It said that all that is finished is kept."""
+    _, study, _, store = whole
+    with EnsembleStore(store, study) as opened:
+        chunk = next(iter(opened.finished()))
+    with EnsembleStore(tmp_path / 'it.zarr', study) as mine:
+        mine.put(chunk)
+        (tmp_path / 'it.zarr').rename(tmp_path / 'other.zarr')
+        with pytest.raises(InputError, match='it has been removed or renamed while the study'):
+            mine.put(chunk)

@@ -223,8 +223,11 @@ class EnsembleStore:
         try:
             yield
         except OSError as error:
+            message = f'cannot be written: {error.strerror or error}; what is finished is kept'
+            if isinstance(error, FileNotFoundError) and not self._hidden.exists():
+                message = 'it has been removed or renamed while the study ran'
             raise InputError(
-                f'cannot be written: {error.strerror or error}; what is finished is kept',
+                message,
                 key='store',
                 value=str(self.folder),
             ) from None
