@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -18,8 +18,20 @@ from types import ModuleType
 from alf_ros.effects import contract
 from alf_ros.effects.contract import Effect, user_file
 from alf_ros.errors import InputError
+from alf_ros.kernel.numba_ext.cache_sources import module_digests
 
-__all__ = ['ROLES', 'Effect', 'held', 'full_name', 'kinds', 'load', 'origin', 'own', 'short_name']
+__all__ = [
+    'ROLES',
+    'Effect',
+    'foreign_code',
+    'held',
+    'full_name',
+    'kinds',
+    'load',
+    'origin',
+    'own',
+    'short_name',
+]
 
 _GROUP = 'alf_ros.effects'
 # the files that pack held commands, by role (`contract`): found without importing all
@@ -75,6 +87,21 @@ def origin(kind: str) -> str:
     package = f'{point.dist.name} {point.dist.version} ' if point.dist else ''
     digest = hashlib.sha256(Path(load(kind).__file__ or '').read_bytes()).hexdigest()
     return f'{package}sha256={digest}'
+
+
+def foreign_code(named: Iterable[str]) -> dict[str, str]:
+    """The code that these effects run besides ours and the texts of their files: `origin` of each
+    one of another package, and digests of the modules that they import, unless installed."""
+    found: dict[str, str] = {}
+    for kind in dict.fromkeys(named):
+        if kind in own():
+            continue
+        if not user_file.is_file_name(kind):
+            found[kind] = origin(kind)
+        module = load(kind)
+        digests = module_digests(Path(module.__file__ or '/'), vars(module))
+        found |= {f'module {name}': f'sha256={text}' for name, text in digests.items()}
+    return found
 
 
 def held(role: str, name: str, what: object) -> Effect:

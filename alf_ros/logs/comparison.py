@@ -129,7 +129,7 @@ class _Comparison:
         self._wrong(input_faults.of_scene(log))
         self._rerun = Rerun(log, trust)
         there = log.info.get('effects') or {}
-        self._result.versions.update(_other(there, provenance.origins(self._rerun.scene)))
+        self._result.versions.update(_other(there, provenance.foreign_code(self._rerun.scene)))
 
     def run(self, report: progress.Report) -> Result:
         result = self._result

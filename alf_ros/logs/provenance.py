@@ -76,16 +76,14 @@ def record(about: Mapping[str, Any], scene: Scene) -> dict[str, str]:
 
 def _of_effects(scene: Scene) -> dict[str, Any]:
     """Parts of a scene outside its text: `files`, the texts of effects that are files (by full
-    name), and `effects`, the `origins` of the others."""
+    name), and `effects`, their `foreign_code` besides."""
     files = user_file.sources(effect.kind for effect in scene.effects)
-    return {'files': files, 'effects': origins(scene)}
+    return {'files': files, 'effects': foreign_code(scene)}
 
 
-def origins(scene: Scene) -> dict[str, str]:
-    """Where the effects of a scene that are of other packages come from: package, version and
-    digest, by kind."""
-    told = {effect.kind: effects.origin(effect.kind) for effect in scene.effects}
-    return {kind: said for kind, said in told.items() if said}
+def foreign_code(scene: Scene) -> dict[str, str]:
+    """`effects.foreign_code` of a scene."""
+    return effects.foreign_code(effect.kind for effect in scene.effects)
 
 
 def _compiler() -> dict[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,11 +13,8 @@ import pytest
 from alf_ros import InputError, Simulation, StepError, effects, load_scene
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.scene import scene_from_text
+from support.documented_effect import BLOCKS, FILES
 from support.paths import ROOT
-
-DOC = (ROOT / 'doc/effects.md').read_text('utf-8')
-BLOCKS = re.findall(r'^```(\w+)\n(.*?)^```$', DOC, re.DOTALL | re.MULTILINE)
-FILES = {re.match(r'# (\w+\.\w+)\n', text)[1]: text for kind, text in BLOCKS if kind != 'text'}
 
 
 @pytest.fixture

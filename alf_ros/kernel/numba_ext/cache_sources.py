@@ -15,7 +15,7 @@ import importlib.util
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -157,19 +157,32 @@ def _is_installed(path: Path) -> bool:
 def _with_imported(file: Path, module: dict[str, Any]) -> dict[Path, str]:
     """Digests of a file, and of the modules that it imports, and those do: beside or below it, or
     elsewhere if they are not installed, as of the text of a log, which runs from a new folder."""
-    found = {file: _as_imported(file, module)}
-    left = [(file, module)]
+    own = _as_imported(file, module)
+    found = {origin: text for _, origin, text in _modules(file, module)}
+    return {file: own, **dict(sorted(found.items()))}
+
+
+def module_digests(file: Path, module: dict[str, Any]) -> dict[str, str]:
+    """Digests of the modules that the module of a file imports, and those do, by name, as they
+    were imported. Installed packages, and ours, are left out."""
+    found = _modules(file.resolve(), module)
+    return dict(sorted((name, text) for name, at, text in found if not _is_installed(at)))
+
+
+def _modules(file: Path, module: dict[str, Any]) -> Iterator[tuple[str, Path, str]]:
+    """Name, file and digest of each."""
+    seen, left = {file}, [(file, module)]
     while left:
         path, importing = left.pop()
-        for name in _imported(path, importing.get('__package__') or ''):
+        for name in sorted(_imported(path, importing.get('__package__') or '')):
             other = getattr(sys.modules.get(name), '__dict__', {})
             origin = Path(other.get('__file__') or '/').resolve()
-            if origin.suffix != '.py' or origin in found or origin.is_relative_to(PACKAGE):
+            if origin.suffix != '.py' or origin in seen or origin.is_relative_to(PACKAGE):
                 continue
             if origin.is_relative_to(file.parent) or not _is_installed(origin):
-                found[origin] = _as_imported(origin, other)
+                seen.add(origin)
                 left.append((origin, other))
-    return {file: found.pop(file), **dict(sorted(found.items()))}
+                yield name, origin, _as_imported(origin, other)
 
 
 def _imported(path: Path, package: str) -> set[str]:

@@ -32,7 +32,9 @@ class Chunk:
 
 
 def run_chunk(study: Study, number: int) -> Chunk:
-    """Run the members of a chunk, in their order."""
+    """Run the members of a chunk, in their order. Raises AlfError if this process has other code
+    than the study: that is no failure of a member."""
+    _ = study.scene
     members = run_members(study, study.indices(number))
     found: dict[str, NDArray[np.generic]] = {
         variable.name: np.array([member.arrays[n] for member in members], dtype=np.float64)

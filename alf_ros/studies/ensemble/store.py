@@ -130,14 +130,13 @@ class EnsembleStore:
             for part in ('versions', 'study'):
                 for key in now[part]:
                     if before[part].get(key) != now[part][key]:
-                        what = 'versions' if part == 'versions' else 'study'
+                        name, value, old = _apart(key, now[part][key], before[part].get(key))
+                        what = 'other versions' if part == 'versions' else 'another study'
                         raise InputError(
-                            f'the store of other {what}'
-                            if part == 'versions'
-                            else f'the store of another {what}',
-                            key=f'store.{key}',
-                            value=now[part][key],
-                            expected=f'{_brief(before[part].get(key))}, or a new folder',
+                            f'the store of {what}',
+                            key=f'store.{name}',
+                            value=value,
+                            expected=f'{_brief(old)}, or a new folder',
                         )
         except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             pass
@@ -270,6 +269,14 @@ def _along(variables: tuple[LabelledArray, ...]) -> dict[str, Any]:
             dtype = f'<U{max(map(len, texts))}' if texts else '<f8'
             found[name] = np.array(list(values), dtype=dtype)
     return found
+
+
+def _apart(key: str, now: Any, before: Any) -> tuple[str, Any, Any]:
+    """Where two values of a key differ: at one of their names, if they have the same ones."""
+    if isinstance(now, dict) and isinstance(before, dict) and now.keys() == before.keys():
+        name = next(name for name in now if now[name] != before[name])
+        return f'{key}.{name}', now[name], before[name]
+    return key, now, before
 
 
 def _brief(data: object) -> str:

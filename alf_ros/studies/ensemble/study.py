@@ -190,10 +190,11 @@ class Study(SentScene):
     @property
     def data(self) -> dict[str, Any]:
         """The same as plain data: what a manifest says."""
+        files = {name: user_file.digest(name) for name, _ in self.files}
         return {
             'name': self.name,
             'scene': self.text,
-            'effects': {name: user_file.digest(name) for name, _ in self.files},
+            'effects': {**files, **dict(self.code)},
             'vary': {
                 name: varied.data if isinstance(varied, Distribution) else list(varied)
                 for name, varied in self.vary
