@@ -76,7 +76,7 @@ def record(about: Mapping[str, Any], scene: Scene) -> dict[str, str]:
 
 def _of_effects(scene: Scene) -> dict[str, Any]:
     """Parts of a scene outside its text: `files`, the texts of effects that are files (by full
-    name), and `effects`, their `foreign_code` besides."""
+    name), and `effects`, their `foreign_code`."""
     files = user_file.sources(effect.kind for effect in scene.effects)
     return {'files': files, 'effects': foreign_code(scene)}
 

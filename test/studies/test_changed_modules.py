@@ -1,4 +1,4 @@
-"""A module that the effect of a study imports is edited meanwhile: results of the old code and of
+"""A module that the effect of a study imports is edited during it: results of the old code and of
 the new one are never mixed. A log that was made with the old one says so."""
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ outputs: {end: final(points.P.x)}
 
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The file of a module from which the effect of a study beside it takes a factor."""
+    """The file of a module that has a factor for the effect of a study."""
     modules = tmp_path / 'modules'
     modules.mkdir()
     monkeypatch.syspath_prepend(str(modules))
