@@ -267,7 +267,8 @@ def _reactions(scene: Scene, usual: Linearised) -> Iterator[Answer]:
         yield Answer(OK, 'reactions', 'all determinate')
         return
     work = allocate(model, model.system, 0)
-    kernel.linearise(model.unit, model.system, work, usual.q)
+    work.q[:] = usual.q
+    kernel.linearise(model.unit, model.system, work, work.q)
     reactions = Reactions(model)
     there = reactions.workspace()
     if has_bearings(model):
