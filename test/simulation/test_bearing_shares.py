@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from alf_ros import InputError, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.inspection.soundness import examine
-from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.sample import Reaction, Sample
 from alf_ros.simulation.sample_reader import fits
 from support.paths import ROOT
 
@@ -211,6 +212,29 @@ def test_check_names_what_is_open() -> None:
     scene = load_scene({'mechanism': door(bearings), 'effects': GRAVITY})
     said = {a.question: a.answer for a in examine(scene).answers}
     assert said['reactions'] == 'all determinate, shared by bearings'
+
+
+@pytest.mark.parametrize('soft', [(0, 1, 2), (0, 2), (0,), (2,)])
+def test_check_and_samples_name_the_same(soft: tuple[int, ...]) -> None:
+    """Hinges that are soft in translation only, or not at all: their torques stay open."""
+    mechanism = door([{'translation': 1e6}] * 3)
+    for n in {0, 1, 2} - set(soft):
+        del mechanism['joints'][f'h{n}']['stiffness']
+    found = at_start(mechanism).reactions
+    names = [
+        f'{name} ({", ".join(_open_axes(reaction))})'
+        for name, reaction in found.items()
+        if reaction.indeterminate
+    ]
+    said = {a.question: a.answer for a in examine(load_scene({'mechanism': mechanism})).answers}
+    assert said['reactions'].endswith(f'and bearings: {", ".join(names)}') and names
+
+
+def _open_axes(reaction: Reaction) -> Iterator[str]:
+    for kind, flags in (('force', reaction.open_force), ('torque', reaction.open_torque)):
+        axes = ''.join(axis for axis, flag in zip('xyz', flags, strict=True) if flag)
+        if axes:
+            yield f'{kind} {axes}'
 
 
 @pytest.mark.parametrize(
