@@ -125,7 +125,10 @@ def number(scene: Scene, name: str, said: str = 'tangents') -> float:
         if 'drives' in place[:2] and _TIME.search(node.value):
             expected = 'a number, as a parameter that it names'
             raise InputError('a function of time', key=key, value=node.value, expected=expected)
-        return dataclasses.replace(node, path=name).number(read_parameters(parameters, {}))
+        try:
+            return node.number(read_parameters(parameters, {}))
+        except InputError:  # the scene could be read: the value is a word
+            raise InputError('not a number', key=key, value=node.value) from None
     what = 'a list' if isinstance(node.value, tuple) else 'a mapping'
     first = next(_numbers(node, name, read_parameters(parameters, {})), None)
     raise InputError('not one number', key=key, value=what, expected=first)

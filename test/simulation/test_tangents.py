@@ -349,6 +349,7 @@ def refused(scene: Scene, names: Sequence[str], **settings: Any) -> str:
         (['coupler'], "tangents: not one value, got 'coupler'; did you mean 'coupler.mass'?"),
         (['gravity'], 'known: gravity.acceleration.0, gravity.acceleration.1'),
         (['mechanism'], 'expected mechanism.parameters.L'),
+        (['crank.inertia'], "tangents.crank.inertia: not a number, got 'rod'"),
         (['mechanism.bodies.coupler'], 'expected mechanism.bodies.coupler.mass'),
         (
             ['gravity.acceleration'],
