@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from alf_ros.mechanism import Mechanism
-from alf_ros.mechanism.natural_coordinates import Layout, cut
+from alf_ros.mechanism.natural_coordinates import cut
 from alf_ros.scene.parameter_reader import ParameterReader, instances
 from alf_ros.scene.references import References
 from alf_ros.scene.text.yaml_document import Entry
@@ -185,12 +185,12 @@ def read_sensors(
     section: Entry, mechanism: Mechanism, numbers: Mapping[str, float], references: References
 ) -> tuple[Sensor, ...]:
     """The sensors in a section. Raises InputError."""
-    reader, layout = ParameterReader(mechanism, numbers, references), cut(mechanism)
+    reader = ParameterReader(mechanism, numbers, references)
     found = []
     for kind, entry in section.mapping(KINDS).items():
         for name, instance in instances(kind, entry, KINDS[kind], True):
             values: dict[str, Any] = reader.parameters(instance, KINDS[kind])
-            fault = _misplaced(kind, values, layout)
+            fault = _misplaced(kind, values, mechanism)
             if fault:
                 raise instance.error(fault)
             try:
@@ -200,13 +200,13 @@ def read_sensors(
     return tuple(found)
 
 
-def _misplaced(kind: str, values: Mapping[str, Any], layout: Layout) -> str:
+def _misplaced(kind: str, values: Mapping[str, Any], mechanism: Mechanism) -> str:
     """The reason why a sensor cannot be at its place; '' if it can."""
     if kind == 'imu':
-        body, at = layout.body[values['body']], values.get('at')
-        if not layout.turns(body.name):
-            kind = 'point' if len(body.points) < 2 else 'rod that may turn about itself'
-            return f'{body.name} is a {kind} and has no orientation: an imu on it has no axes'
+        body, at = mechanism.body[values['body']], values.get('at')
+        if not cut(mechanism).turns(body.name):
+            shape = 'point' if len(body.points) < 2 else 'rod that may turn about itself'
+            return f'{body.name} is a {shape} and has no orientation: an imu on it has no axes'
         if isinstance(at, str) and at not in body.points:
             return f'{at} is not a point of {body.name}'
     return ''
