@@ -63,6 +63,9 @@ class ParameterReader:
             'body or point': [*bodies, *points],
             'pair': [*bodies, *points, GROUND],
         }
+        self._of_joint: dict[str, list[str]] = {joint: [] for joint in self._known['joint']}
+        for coordinate in mechanism.coordinates:
+            self._of_joint[coordinate.joint.name].append(coordinate.name)
         self._numbers, self._dimension = numbers, mechanism.dimension
         self.tables = Tables(references)
 
@@ -106,6 +109,8 @@ class ParameterReader:
             return tuple(self._place(item) for item in entry.sequence(2))
         if kind == 'path':
             return tuple(self._station(item) for item in entry.sequence())
+        if kind == 'coordinate':
+            return self._coordinate(entry)
         if kind == 'factors':
             return tuple(self._factor(item) for item in entry.sequence())
         if kind == 'numbers':
@@ -127,7 +132,16 @@ class ParameterReader:
 
     def _factor(self, entry: Entry) -> tuple[str, float]:
         name, factor = entry.sequence(2)
-        return name.text(self._known['coordinate']), factor.number(self._numbers)
+        return self._coordinate(name), factor.number(self._numbers)
+
+    def _coordinate(self, entry: Entry) -> str:
+        """A joint coordinate. The name of a joint is one only if the joint has a single one."""
+        own = self._of_joint.get(name := entry.text(), [name])
+        if not own:
+            raise entry.error('a joint without a coordinate')
+        if name not in own:
+            raise entry.error('a joint with several coordinates', expected=' or '.join(own))
+        return entry.text(self._known['coordinate'])
 
     def _place(self, entry: Entry) -> str | tuple[float, ...] | None:
         if entry.is_null:

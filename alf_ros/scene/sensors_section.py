@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from alf_ros.mechanism import Mechanism
+from alf_ros.mechanism.natural_coordinates import cut
 from alf_ros.scene.parameter_reader import ParameterReader, instances
 from alf_ros.scene.references import References
 from alf_ros.scene.text.yaml_document import Entry
@@ -202,10 +203,10 @@ def read_sensors(
 def _misplaced(kind: str, values: Mapping[str, Any], mechanism: Mechanism) -> str:
     """The reason why a sensor cannot be at its place; '' if it can."""
     if kind == 'imu':
-        (body,) = (each for each in mechanism.bodies if each.name == values['body'])
-        at = values.get('at')
-        if len(body.points) + len(body.vectors) < 2:
-            return f'{body.name} is a single point and has no orientation'
+        body, at = mechanism.body[values['body']], values.get('at')
+        if not cut(mechanism).turns(body.name):
+            shape = 'point' if len(body.points) < 2 else 'rod that may turn about itself'
+            return f'{body.name} is a {shape} and has no orientation: an imu on it has no axes'
         if isinstance(at, str) and at not in body.points:
             return f'{at} is not a point of {body.name}'
     return ''

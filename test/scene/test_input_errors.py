@@ -435,3 +435,40 @@ def test_mutated_files_load_or_are_refused(seed: int) -> None:
             assert scene_from_text(scene.text) == scene
             loaded += 1
     assert 0 < loaded < 100
+
+
+BALL_AND_CROSS = """
+mechanism:
+  alf: 1
+  space: spatial
+  points: {O: {at: [0, 0, 0], fixed: true}, A: {at: [1, 0, 0]}, B: {at: [2, 1, 0]}}
+  bodies:
+    arm: {points: [O, A], mass: 1, inertia: {about_com: [1, 1, 1]}}
+    hand: {points: [A, B], mass: 1, inertia: {about_com: [1, 1, 1]}}
+  joints:
+    ball: {type: spherical, between: [ground, arm], at: O}
+    cross: {type: universal, between: [arm, hand], at: A, axes: [[0, 1, 0], [0, 0, 1]]}
+"""
+
+
+@pytest.mark.parametrize(
+    ('joint', 'message'),
+    [
+        ('ball', "a joint without a coordinate, got 'ball'"),
+        ('cross', "several coordinates, got 'cross'; expected cross_first or cross_second"),
+        ('crux', "unknown name, got 'crux'; known: cross_first, cross_second"),
+    ],
+)
+@pytest.mark.parametrize(
+    'section',
+    [
+        'sensors: {{encoder: {{joint: {}}}}}',
+        'effects: {{motor: {{joint: {}, effort: 1}}}}',
+        'effects: {{tendon: {{joints: [[{}, 1]], stiffness: 1}}}}',
+    ],
+    ids=['sensor', 'effect', 'factors'],
+)
+def test_a_joint_is_no_coordinate(section: str, joint: str, message: str) -> None:
+    """Only the name of a joint with a single coordinate is one."""
+    with pytest.raises(InputError, match=message):
+        scene_from_text(BALL_AND_CROSS + section.format(joint))

@@ -243,6 +243,19 @@ def test_what_cannot_be_is_one_line(sensors: dict[str, Any], message: str) -> No
     assert '\n' not in str(refused.value) and 'sensors' in str(refused.value)
 
 
+def test_an_imu_needs_an_orientation() -> None:
+    """How a rod between two balls turns about itself nothing tells: its rate of turn there was 0
+    and belonged to no motion of its axes, and a place beside its line had any acceleration."""
+    scene = load_scene('spatial_four_bar')
+    rod = r'coupler is a rod that may turn about itself and has no orientation'
+    with pytest.raises(InputError, match=rod) as refused:
+        scene_from_text(f'{scene.text}sensors: {{imu: {{body: coupler, at: [0, 0.1, 0]}}}}\n')
+    assert 'sensors.imu' in str(refused.value)
+    scene = load_scene('scissor_lift')
+    with pytest.raises(InputError, match='plate is a point and has no orientation'):
+        scene_from_text(f'{scene.text}sensors: {{imu: {{body: plate}}}}\n')
+
+
 def test_only_a_scene_has_sensors() -> None:
     with pytest.raises(InputError, match='scene: not a scene'):
         Sensors('four_bar')  # type: ignore[arg-type]
