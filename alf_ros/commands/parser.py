@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 from alf_ros import paths
 from alf_ros.errors import InputError
+from alf_ros.scene.text.decimal_numbers import decimal, whole
 from alf_ros.scene.text.expression import ExpressionError, evaluate
 
 # the beginning of a word that is a number, never an option
@@ -29,6 +30,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, command: str, **settings: Any) -> None:
         super().__init__(prog=f'alf_ros {command}', **settings)
         self.register('type', float, _finite)
+        self.register('type', int, whole)
         for name in (None, 'store'):
             self.register('action', name, _Store)
         # argparse takes -1e-3 for an option
@@ -92,7 +94,7 @@ class _Store(argparse.Action):
 
 
 def _finite(text: str) -> float:
-    found = float(text)
+    found = decimal(text)
     if not math.isfinite(found):
         raise argparse.ArgumentTypeError(f'not a finite number: {text!r}')
     return found

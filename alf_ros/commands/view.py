@@ -15,6 +15,7 @@ from alf_ros.commands.node_options import refusing_rclpy, without_ros
 from alf_ros.commands.parser import Parser
 from alf_ros.ros import unborn_ports
 from alf_ros.ros.view.serve import serve
+from alf_ros.scene.text.decimal_numbers import whole
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
@@ -43,7 +44,7 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def _port(text: str) -> int:
-    port = int(text)
+    port = whole(text)
     if not 0 <= port < 1 << 16:
         raise ValueError
     return port

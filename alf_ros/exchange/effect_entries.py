@@ -89,8 +89,8 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
         if each.limits is not None and stops is not None and not each.limits[0] < each.limits[1]:
             robot.leave('limits without range', each.name)
         elif each.limits is not None and stops is not None:
-            low, high = (limit - each.drawn for limit in each.limits)
-            acting |= {'lower': low, 'upper': high, 'stop_stiffness': stops}
+            ends = _ends(each.limits, each.drawn)
+            acting |= ends | {'stop_stiffness': stops} if ends else {}
             _leave_beyond(robot, each.name, each.drawn, each.limits)
         if acting:
             entries[_label(each.name, entries)] = shape | acting
@@ -185,14 +185,9 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
         if c.limits is not None and stops is not None and not c.limits[0] < c.limits[1]:
             robot.leave('limits without range', c.name)
         elif c.limits is not None and stops is not None:
-            ends = {
-                key: limit - c.drawn
-                for key, limit in zip(('lower', 'upper'), c.limits, strict=True)
-                if math.isfinite(limit)
-            }
-            effects.setdefault('joint_stop', {})[joints[c.name]] = (
-                joint | ends | {'stiffness': stops}
-            )
+            if ends := _ends(c.limits, c.drawn):
+                stop = joint | ends | {'stiffness': stops}
+                effects.setdefault('joint_stop', {})[joints[c.name]] = stop
             _leave_beyond(robot, c.name, c.drawn, c.limits)
     motors = _motors(robot, joints)
     return effects | ({'motor': motors} if motors else {})
@@ -226,6 +221,12 @@ def _check(robot: Robot, c: Connection) -> None:
             raise robot.error(c.name, f'negative {key}', robot.places.get(c.name), value=x)
 
 
+def _ends(limits: tuple[float, float], drawn: float) -> dict[str, float]:
+    """The limits that are finite, of a coordinate that is zero as drawn."""
+    ends = zip(('lower', 'upper'), limits, strict=True)
+    return {key: limit - drawn for key, limit in ends if math.isfinite(limit)}
+
+
 def _leave_beyond(robot: Robot, name: str, drawn: float, limits: tuple[float, float]) -> None:
     """Note a joint or a tendon that is drawn beyond a limit, from which a stop throws it back."""
     depth, limit = max((limits[0] - drawn, limits[0]), (drawn - limits[1], limits[1]))
@@ -241,6 +242,8 @@ def _motors(robot: Robot, joints: Mapping[str, str]) -> dict[str, dict[str, Any]
     for each in robot.actuators:
         if each.on_tendon:
             continue
+        if each.limit is not None and not (each.position_gain or each.velocity_gain):
+            robot.leave('limits of motors', each.name)  # which are commanded by efforts
         motor = {'joint': joints[each.joint]} | _drive(each, drawn[each.joint])
         if each.joint in rotors:
             motor['armature'] = rotors.pop(each.joint)

@@ -5,6 +5,7 @@ So k_p = -gear² b1, k_v = -gear² b2, and x* where the rest vanishes.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,7 +43,8 @@ class GeneralActuator:
         if self.control_range is not None and not b1 and not b2:
             largest = max(map(abs, self.control_range))
             limits.append(abs(gear) * (abs(self.gain) * largest + abs(b0)))
-        made = Actuator(self.name, self.on, limit=min(limits, default=None))
+        limit = min(limits, default=math.inf)
+        made = Actuator(self.name, self.on, limit=limit if math.isfinite(limit) else None)
         made = replace(made, on_tendon=self.on_tendon)
         if b1:
             place, stiff, damp = -force / (b1 * gear), -b1 * gear**2, -b2 * gear**2
@@ -56,3 +58,9 @@ class GeneralActuator:
         """Whether its force has a range that differs in the two directions."""
         ranges = [self.force_range, None if any(self.bias[1:]) else self.control_range]
         return any(each is not None and not np.isclose(-each[0], each[1]) for each in ranges)
+
+    @property
+    def takes_targets_beyond(self) -> bool:
+        """Whether its range of controls bounds no target that is sent later."""
+        bounds = self.control_range is not None and any(map(math.isfinite, self.control_range))
+        return bounds and any(self.bias[1:])

@@ -111,7 +111,11 @@ MOTION = {
     'rotors of transmissions': 'the inertia of rotors is not counted: give it as `armature` of '
     'the motor, times the square of the reduction',
     'constants of motors': 'a command is the effort of the joint, not a current',
-    'limits of commands': 'efforts beyond them act too, up to the limit of the joint',
+    'limits of commands': 'efforts beyond them act too',
+    'limits of motors': 'they bound no effort that is sent to the joint: such efforts act beyond '
+    'them too',
+    'ranges of controls': 'they bound the control at the start only: targets that are sent later '
+    'act beyond them too',
     'activation of actuators': 'they act without delay',
     'integrators of actuators': 'they integrate no control: they stay as at the start',
     'force ranges of joints': 'they are of a sum: here of each actuator on the joint or tendon, '

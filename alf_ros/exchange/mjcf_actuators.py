@@ -82,6 +82,8 @@ def add(
             robot.leave('activation of actuators', name)
         if actuator.is_lopsided:
             robot.leave('force ranges of actuators', name)
+        if actuator.takes_targets_beyond:
+            robot.leave('ranges of controls', name)
         driving.append(mjcf_force_ranges.Driving(drive, n, on.at, actuator.gear))
     robot.actuators += mjcf_force_ranges.within(robot, mujoco, data, joints, driving)
 

@@ -7,6 +7,7 @@ without.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -51,7 +52,11 @@ def within(
         if not np.isclose(-low, high):
             for each in group:
                 robot.leave('force ranges of actuators', each.actuator.name)
-        found += limited(robot, group, max(-low, high))
+        most = max(-low, high)
+        if math.isfinite(most):
+            found += limited(robot, group, most)
+        else:
+            found += [each.actuator for each in group]
     for joint in _pulled(mujoco, data, all_driving):
         robot.leave('force ranges of joints', joints[joint])
     return found

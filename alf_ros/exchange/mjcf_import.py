@@ -43,7 +43,14 @@ _USED = (
     *('body_gravcomp', 'qpos0', 'qpos_spring', 'jnt_pos', 'jnt_axis', 'jnt_stiffness'),
     *('jnt_margin', 'dof_damping', 'dof_armature', 'dof_frictionloss', 'geom_pos', 'geom_quat'),
     *('site_pos', 'site_quat', 'eq_data', 'tendon_stiffness', 'tendon_damping'),
-    *('tendon_frictionloss', 'tendon_armature', 'tendon_margin', 'wrap_prm', 'actuator_gear'),
+    *(
+        'tendon_frictionloss',
+        'tendon_lengthspring',
+        'tendon_armature',
+        'tendon_margin',
+        'wrap_prm',
+        'actuator_gear',
+    ),
     *('actuator_gainprm', 'actuator_biasprm', 'actuator_damping', 'actuator_armature'),
 )
 _KINDS = {
@@ -135,8 +142,11 @@ class _Reader:
         self.joints = self._names('joint', model.njnt)
         if key is not None:
             self._begin_at(key)
-        if not np.all(np.abs(self.data.qpos) <= LARGEST):
-            raise InputError('not usable numbers', file=file, key='qpos')
+        most = min(LARGEST, mujoco.mjMAXVAL)  # beyond, MuJoCo begins anew, or has no controls
+        for kind in ('qpos', 'qvel', 'act', 'ctrl'):
+            if not np.all(np.abs(getattr(self.data, kind)) <= most):
+                mjcf_nan.check_size(Path(file))
+                raise InputError('not usable numbers', file=file, key=kind)
         self._set(positions)
         mjcf_equalities.draw(mujoco, self.data, self.joints, positions)
         called = model.names.split(b'\0')[0].decode()

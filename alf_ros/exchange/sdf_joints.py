@@ -9,12 +9,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot
 from alf_ros.exchange.sdf_frames import MODEL, SdfFrames
 from alf_ros.exchange.sdf_values import name_of, number, numbers, says
 from alf_ros.exchange.sdf_versions import AXES as _TAGS
 from alf_ros.exchange.sdf_versions import OF_MODEL
+from alf_ros.scene.text.decimal_numbers import decimal
 
 _KINDS = TYPES | {'screw': 'screw'}  # which only SDF has, with its pitch
 _ENDLESS = 1e15  # a limit from there on is none: the default is 1e16

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.decimal_numbers import decimal
+from alf_ros.scene.text.decimal_numbers import decimal
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _TRUE, _FALSE = ('true', '1'), ('false', '0')

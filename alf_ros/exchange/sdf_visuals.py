@@ -10,13 +10,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.exchange import sdf_surfaces, sdf_values, xml_file
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import GROUND, Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
 from alf_ros.exchange.sdf_surfaces import CollisionSurface
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
+from alf_ros.scene.text.decimal_numbers import decimal
 
 COLLISION = 'collision'
 READ = ('visual', COLLISION)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 from xml.etree import ElementTree
 
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import Actuator, Robot
+from alf_ros.scene.text.decimal_numbers import decimal
 
 _REDUCTIONS = ('mechanicalReduction', 'mechanical_reduction', 'gear_ratio')
 _ROTORS = ('motorInertia', 'rotor_inertia')

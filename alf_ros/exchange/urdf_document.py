@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 
 from alf_ros.errors import InputError
 from alf_ros.exchange import urdf_joint_types, urdf_numbers, xml_file
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.urdf_joint_types import RowPart, Thread
+from alf_ros.scene.text.decimal_numbers import decimal
 
 WORLD = 'world'  # the root link of this name is the ground
 _DAMPED = (urdf_joint_types.PLANAR, 'UJOINT_XY')  # joints of Drake with their damping

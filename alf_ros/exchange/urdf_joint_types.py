@@ -27,8 +27,8 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import free_name
+from alf_ros.scene.text.decimal_numbers import decimal
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _AXES = {'X': '1 0 0', 'Y': '0 1 0', 'Z': '0 0 1'}

@@ -16,13 +16,13 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.exchange import two_ended_loops, urdf_gazebo
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import AXES, STILL, TYPES, FramePose
 from alf_ros.exchange.sdf_frames import MODEL, pose_of
 from alf_ros.exchange.sdf_values import says
 from alf_ros.exchange.sdf_versions import OF_MODEL
 from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
+from alf_ros.scene.text.decimal_numbers import decimal
 
 _NONE = (0.0, 0.0, 0.0)
 _NOT_HERE = ('screw', 'gearbox')  # types of SDF that close no loops

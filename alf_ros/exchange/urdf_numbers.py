@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
-from alf_ros.exchange.decimal_numbers import decimal
+from alf_ros.scene.text.decimal_numbers import decimal
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.robot import FramePose, Robot
 from alf_ros.mechanism import VisualShape
 from alf_ros.mechanism.visual_shapes import PACKAGE, roll_pitch_yaw
 from alf_ros.scene.mechanism_file.shapes_section import KINDS, is_mesh
+from alf_ros.scene.text.decimal_numbers import decimal
 from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST
 
 # sizes of shapes about an axis, by the names that URDF and SDF have

@@ -220,6 +220,18 @@ def test_negative_numbers_are_no_options(text: str) -> None:
         parser.parse_args(['--at', '-1e400'])
 
 
+@pytest.mark.parametrize('text', ['1_0', '\u0663', '1_0.5', 'infinity'])
+def test_options_take_decimal_numbers(text: str) -> None:
+    """`1_0` was 10, as in Python, and digits of other scripts were digits."""
+    parser = Parser('try')
+    parser.add_argument('--at', type=float)
+    parser.add_argument('--count', type=int)
+    for option, kind in (('--at', 'float'), ('--count', 'int')):
+        with pytest.raises(InputError, match=f"argument {option}: invalid {kind} value: '{text}'"):
+            parser.parse_args([option, text])
+    assert parser.parse_args(['--at', '+1e1', '--count', '+07']).at == 10.0
+
+
 def test_options_of_several_values_add_up() -> None:
     parser = Parser('try')
     parser.add_argument('--by', nargs='+', default=[1], type=int)

@@ -295,7 +295,7 @@ def test_mistakes_of_an_mjcf(tmp_path: Path) -> None:
     for change, message in (
         (('<mujoco', '<mujoco><'), 'MuJoCo refuses it'),
         (('axis="0 -1 0"', 'axs="0 -1 0"'), 'MuJoCo refuses it: .*axs'),
-        (('pos="0.0 0 0"', 'pos="1e80 0 0"'), 'pos of a body: not usable numbers'),
+        (('pos="0.0 0 0"', 'pos="1e80 0 0"'), 'body crank: pos: not a usable number'),
     ):
         path = saved(tmp_path, 'it.xml', robots.four_bar_mjcf().replace(*change, 1))
         with pytest.raises(InputError, match=message) as caught:

@@ -9,6 +9,7 @@ import pytest
 
 from alf_ros import Simulation
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
@@ -21,6 +22,14 @@ RANGE = 'actuatorfrcrange="-0.3 0.3"'
 BELT = f"""<tendon><fixed name="belt" {RANGE} actuatorfrclimited="%s"><joint joint="j1" coef="1"/>
  <joint joint="j2" coef="-0.5"/></fixed></tendon>"""
 SERVO = '<position name="hold" joint="j1" kp="2" gear="-1.5"/>'
+OF_TARGETS = (
+    'ranges of controls: they bound the control at the start only: targets that are sent later '
+    'act beyond them too'
+)
+OF_EFFORTS = (
+    'limits of motors: they bound no effort that is sent to the joint: such efforts act beyond '
+    'them too'
+)
 BRAKE = '<velocity name="brake" joint="j1" kv="0.02"/>'
 PUSH = '<motor name="push" joint="j1" %s/>'
 PULL = '<motor name="pull" joint="j1" %s/>'
@@ -209,6 +218,26 @@ def test_states_of_actuators_are_listed(actuator: str, line: str, tmp_path: Path
     assert effort > 0.1
 
 
+@pytest.mark.parametrize(
+    ('actuator', 'lines'),
+    [
+        (SERVO.replace('/>', ' ctrlrange="-1 1"/>'), [f'{OF_TARGETS}: hold']),
+        (BRAKE.replace('/>', ' ctrlrange="-1 1"/>'), [f'{OF_TARGETS}: brake']),
+        (PUSH % 'ctrlrange="-1 1"', [f'{OF_EFFORTS}: push']),
+        (PUSH % 'forcerange="-1 1"', [f'{OF_EFFORTS}: push']),
+        (SERVO.replace('/>', ' forcerange="-1 1"/>'), []),
+        (PUSH % '', []),
+    ],
+)
+def test_ranges_that_bound_no_later_command_are_listed(
+    actuator: str, lines: list[str], tmp_path: Path
+) -> None:
+    """The control of the file was clipped, later ones were not, and the report said nothing."""
+    text = imported(saved(tmp_path, 'it.xml', robot('', actuator, '')), scene=True)
+    found = [each[4:] for each in text.split('\n') if each.startswith('#') and ' sent ' in each]
+    assert found == lines
+
+
 def test_the_filter_of_muscles_has_controls_from_0_to_1(tmp_path: Path) -> None:
     """A control of 3 excites a muscle like 1. It pushed three times as much."""
     for control, limits, value in (
@@ -226,3 +255,81 @@ def test_the_filter_of_muscles_has_controls_from_0_to_1(tmp_path: Path) -> None:
         joints = simulation.sample().joints
         ours = [joints[name].position for name in JOINTS]
         assert ours == pytest.approx(positions(source), abs=1e-8)
+
+
+def test_controls_that_change_move_as_in_mujoco(tmp_path: Path) -> None:
+    """Efforts, positions and velocities that are sent every 50 ms, times or by the gear."""
+    actuators = (
+        PUSH % 'gear="1.5"'
+        + SERVO.replace('kp="2"', 'kp="2" kv="0.1"')
+        + '<velocity name="turn" joint="j2" kv="0.05" gear="1.3"/>'
+    )
+    source = robot('damping="0.01"', actuators, '')
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    simulation = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+    model = mujoco.MjModel.from_xml_string(source)
+    data = mujoco.MjData(model)
+    controls = np.random.default_rng(3).uniform(-1.0, 1.0, (20, 3)) * [0.05, 0.5, 1.0]
+    for push, place, speed in controls:
+        data.ctrl[:] = push, place, speed
+        for _ in range(round(0.05 / STEP)):
+            mujoco.mj_step(model, data)
+        simulation.apply_effort('j1', 1.5 * push)
+        simulation.apply_target('j1', place / -1.5)
+        simulation.apply_target('j2', velocity=speed / 1.3)
+        simulation.step(50)
+        found = [simulation.sample().joints[name].position for name in JOINTS]
+        assert found == pytest.approx(data.qpos, abs=1e-9)
+    assert np.abs(data.qpos).min() > 0.01
+
+
+@pytest.mark.parametrize(
+    ('joint', 'actuator', 'tendon'),
+    [
+        ('', PUSH % 'ctrlrange="-inf inf"', ''),
+        ('', PUSH % 'forcerange="-inf inf"', ''),
+        ('actuatorfrcrange="-inf inf" actuatorfrclimited="true"', PUSH % '', ''),
+        ('range="-inf inf" limited="true"', PUSH % '', ''),
+        ('', PUSH % '', 'range="-inf inf" limited="true"'),
+        ('', SERVO.replace('/>', ' ctrlrange="-inf inf"/>'), ''),
+    ],
+)
+def test_infinite_ranges_bound_nothing(
+    joint: str, actuator: str, tendon: str, tmp_path: Path
+) -> None:
+    """They are no limits. Most files were refused, without a line."""
+
+    def effects(joint: str, actuator: str, tendon: str) -> str:
+        belt = f'<tendon><fixed name="t" {tendon}><joint joint="j1" coef="1"/></fixed></tendon>'
+        source = robot(joint, actuator, 'ctrl="0.3"', tendon=belt)
+        path = saved(tmp_path, 'it.xml', source)
+        return imported(path, scene=True, key='k', stops=100.0)
+
+    plain = SERVO if 'kp' in actuator else PUSH % ''
+    assert effects(joint, actuator, tendon) == effects('', plain, '')
+
+
+def test_one_infinite_end_of_a_tendon(tmp_path: Path) -> None:
+    """The other end stops it; an infinite free length is refused with its line."""
+    belt = '<tendon><fixed name="t" {}><joint joint="j1" coef="1"/></fixed></tendon>'
+    source = robot('', PUSH % '', '', tendon=belt.format('range="-inf 1" limited="true"'))
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True, stops=100.0)
+    (stop,) = (each.parameters for each in scene_from_text(text).effects if each.kind == 'tendon')
+    assert (stop.lower, stop.upper) == (None, 1.0)
+    source = robot('', PUSH % '', '', tendon=belt.format('stiffness="1" springlength="0 inf"'))
+    with pytest.raises(InputError, match=r'it.xml:\d+: fixed t: springlength: not a usable'):
+        imported(saved(tmp_path, 'it.xml', source), scene=True)
+
+
+@pytest.mark.parametrize('kind', ['qpos', 'qvel', 'ctrl'])
+def test_a_keyframe_with_numbers_that_are_too_large_is_refused(kind: str, tmp_path: Path) -> None:
+    """MuJoCo takes all controls for zero then. They were clipped to their range."""
+    for value, message in (
+        ('inf', r':\d+: key k: {}: not a usable number, got .*inf'),
+        ('1e11', ': {}: not usable numbers'),
+    ):
+        count = 1 if kind == 'ctrl' else 2
+        key = f'{kind}="{" ".join([value] * count)}"'
+        path = saved(tmp_path, 'it.xml', robot('', PUSH % 'ctrlrange="-1 1"', key))
+        with pytest.raises(InputError, match=message.format(kind)):
+            imported(path, scene=True, key='k')

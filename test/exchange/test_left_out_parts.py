@@ -229,7 +229,7 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{ROTORS}: j'),
         ('a.urdf', URDF.replace('MORE', controlled('<command_interface name="effort">'
          '<param name="max">1</param></command_interface>')),
-         'limits of commands: efforts beyond them act too, up to the limit of the joint: j'),
+         'limits of commands: efforts beyond them act too: j'),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
             LIMIT, '<mimic joint="k"/>'), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace(LIMIT, LIMIT + '<mimic joint="k"/>').replace('MORE', PLANE),

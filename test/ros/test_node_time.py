@@ -127,6 +127,75 @@ def test_a_state_on_disk_serves_another_process_and_a_wrong_one_is_refused(tmp_p
         assert not refused.success and 'not a state of this scene' in refused.message
 
 
+def test_a_refused_state_changes_nothing(tmp_path, peer):
+    """One that no step can start from was refused, but the run continued from it."""
+    heard, found = peer.listen('joint_states', JointState), Diagnostics(peer)
+    states = {'state.folder': f'{tmp_path}/states', 'start_paused': True, 'step_count': 50}
+    with SimulatorProcess(tmp_path, '--no-record', **states).wait_running() as node:
+        commands = peer.talk('/joint_commands', JointState)
+        commands.publish(JointState(name=['crank_pin'], effort=[0.7]))
+        peer.until(lambda: found.value('commands', 'held') == '1', 'the command')
+        act(peer, 'step')
+        act(peer, 'save_state')
+        kept = tmp_path / 'states/slider_crank/default.json'
+        good = json.loads(kept.read_text())
+        assert good['state']['inputs']['efforts'] == {'crank_pin': 0.7}
+        state = good['state']
+        far = {'q': [1e80 * x for x in state['q']]}
+        wrong = {
+            'damaged': {'q': [1e80 * x for x in good['q']], 'state': state | far},
+            'other': {'mechanism_sha256': '0'},
+            'between': {'step_s': 1.0007e-3},
+            'order': {'q': good['q'][::-1]},
+            'unknown': {
+                'state': state | {'inputs': state['inputs'] | {'efforts': {'nothing': 1.0}}}
+            },
+            'short': {'state': state | {'qd': []}},
+        }
+        for name, change_of in wrong.items():
+            kept.with_name(f'{name}.json').write_text(json.dumps(good | change_of))
+            assert change(peer, state__name=name) == ''
+            refused = peer.call(Trigger, '/simulator/restore_state')
+            assert not refused.success and 'Error' not in refused.message, name
+            assert change(peer, state__name=f'after_{name}') == ''
+            act(peer, 'save_state')
+            assert json.loads(kept.with_name(f'after_{name}.json').read_text()) == good, name
+        act(peer, 'step')
+        peer.until(lambda: ns(heard[-1].header.stamp) == 200_000_000, 'the next steps')
+        assert found.value('commands', 'held') == '1'
+        assert 'Traceback' not in node.output
+    simulation = Simulation(load_scene('slider_crank'))
+    simulation.apply_effort('crank_pin', 0.7)
+    simulation.step(200)
+    assert list(heard[-1].position) == list(simulation.sample().joint_positions)
+
+
+def test_a_run_whose_log_cannot_be_written_begins_completely(tmp_path, peer):
+    """Its energy was compared with the run before, and diagnostics did not mention the log."""
+    found = Diagnostics(peer)
+    folder = tmp_path / 'logs'
+    settings = {'state.folder': f'{tmp_path}/states', 'start_paused': True, 'step_count': 50}
+    with SimulatorProcess(folder, **settings).wait_running() as node:
+        commands = peer.talk('/joint_commands', JointState)
+        commands.publish(JointState(name=['crank_pin'], effort=[5.0]))
+        peer.until(lambda: found.value('commands', 'held') == '1', 'the command')
+        act(peer, 'step')
+        act(peer, 'save_state')
+        act(peer, 'reset')
+        folder.rename(tmp_path / 'gone')
+        folder.write_text('no folder')
+        refused = peer.call(Trigger, '/simulator/restore_state')
+        assert not refused.success and 'cannot write a log' in refused.message
+        peer.until(lambda: 'cannot write a log' in (found.status('record') or '  ')[1], 'the log')
+        assert float(found.value('energy', 'change_j')) == 0.0
+        assert float(found.value('energy', 'energy_j')) > 1.0
+        assert found.value('commands', 'held') == '1'
+        folder.unlink()
+        act(peer, 'reset')
+        peer.until(lambda: found.status('record')[1].endswith('.mcap'), 'the next log')
+        assert node.process.poll() is None
+
+
 def test_another_scene_is_loaded_without_a_restart(tmp_path, peer):
     heard = peer.listen('joint_states', JointState)
     found = Diagnostics(peer)

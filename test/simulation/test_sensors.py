@@ -14,6 +14,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation.display_geometry import poses
+from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.sensors import Sensors
 
 G = 9.81
@@ -181,7 +182,7 @@ def test_a_range_is_infinite_outside_its_limits() -> None:
         assert ahead == pytest.approx(simulation.sample().points['P'], abs=1e-12)
 
 
-def test_noise_has_its_statistics_and_belongs_to_the_step() -> None:
+def test_noise_has_its_statistics_and_belongs_to_the_time() -> None:
     said = {
         'body': 'rod',
         'angular_velocity_noise': 0.02,
@@ -217,6 +218,27 @@ def test_noise_has_its_statistics_and_belongs_to_the_step() -> None:
     simulation.step(5)
     simulation.restore(state)
     assert np.array_equal(errors()[0], one[-1])
+
+
+def test_no_two_instants_share_their_noise() -> None:
+    """Other steps from half way on, and instants between steps. Step 50 of 2 ms had the noise of
+    step 50 of 1 ms, and instants within a step had the same noise."""
+    clean = pendulum(imu={'body': 'rod'})
+    noise = {'angular_velocity_noise': 1.0, 'seed': 1}
+    exact, noisy = Sensors(clean), Sensors(pendulum(imu={'body': 'rod', **noise}))
+
+    def error(sample: Sample) -> float:
+        found, true = (each.read(sample)['imu']['angular_velocity'] for each in (noisy, exact))
+        return float(found[0] - true[0])
+
+    fine, coarse = Simulation(clean, step=1e-3), Simulation(clean, step=2e-3)
+    seen = [error(sample) for sample in fine.run(0.1)]
+    coarse.restore(fine.state)
+    last = seen[-1]
+    seen[-1:] = [error(sample) for sample in coarse.run(0.1)]
+    assert last in seen  # the same instant
+    seen += [error(sample) for sample in Simulation(clean).run(0.01, at=[2e-4, 3e-4, 7e-4])]
+    assert len(set(seen)) == len(seen) == 154
 
 
 @pytest.mark.parametrize(

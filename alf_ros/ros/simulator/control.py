@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.task import Future
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import AlfError, InputError
+from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.ros.simulator.inputs import CommandSubscriber
 from alf_ros.ros.simulator.node_run import BURST, NodeRun
 from alf_ros.ros.simulator.pacing import Pacer
@@ -167,7 +167,8 @@ class Control:
     def reset(self, keep_time: bool) -> str:
         """The initial state without held inputs; with `keep_time` stamps continue, else they start
         again. A new log begins. Raises InputError if it cannot be written; the run is reset
-        nevertheless."""
+        nevertheless. If no message can have the next stamp, nothing changes."""
+        self.run.check_stamp(keep_time=keep_time)
         self._finish_steps()
         self._report()  # the last word of the log that ends here
         self.inputs.clear()
@@ -207,7 +208,8 @@ class Control:
     def restore(self, name: str) -> str:
         """The state kept under `name`, with its held inputs; stamps continue. A new log begins.
 
-        Raises InputError, and changes nothing, without a state that fits.
+        Raises InputError, and changes nothing, without a state that fits. A log that cannot be
+        written is an InputError too, but the state is restored nevertheless.
         """
         self.run.end_tick()
         setup = self.run.setup
@@ -219,10 +221,11 @@ class Control:
             setup.simulation.step(0)
             if setup.simulation.sample().q.tolist() != q:
                 raise InputError('kept with another order of coordinates', key=name)
-        except (InputError, KeyError) as error:
-            setup.simulation.restore(before)
+        except (InputError, StepError, KeyError) as error:
             raise InputError(f'not a state of this scene: {error}', key='state.name') from None
-        setup.simulation.restore(before)
+        finally:
+            setup.simulation.restore(before)
+        self.run.check_stamp(state, keep_time=True)
         self._finish_steps()
         self._report()
         self.inputs.hold(state.inputs)

@@ -94,14 +94,11 @@ class NodeRun:
         """Start from `state`, or the initial one.
 
         With `keep_time` the stamps continue a tick after the last, for any time of the state;
-        otherwise they are its time. Raises InputError if the log cannot be written, or if no
-        message can have such a stamp.
+        otherwise they are its time. Raises InputError, and changes nothing, if no message can have
+        such a stamp. If the log cannot be written the run begins without one, and then this raises
+        InputError.
         """
-        later = self.ahead + round((self.simulation.t + self.setup.tick) * 1e9)
-        first = 0.0 if state is None else state.step * self.simulation.h
-        ahead = later - round(first * 1e9) if keep_time else 0
-        if stamp_ns(first, ahead) > LAST:
-            raise InputError(ENDS, key='t', value=first + ahead * 1e-9)
+        ahead = self.check_stamp(state, keep_time)
         self.close()
         if state is None:
             self.simulation.reset()
@@ -114,9 +111,14 @@ class NodeRun:
         about = provenance.start(self.setup, self.ahead, self._outputs.topics)
         if state is not None:
             about['state'] = as_data(state)
+        unwritten: InputError | None = None
         if self._folder is not None:
             info = provenance.record(about, scene)
-            self.recorder = Recorder(self._folder, scene.name, info, split=self._split)
+            try:
+                self.recorder = Recorder(self._folder, scene.name, info, split=self._split)
+            except InputError as error:
+                unwritten = error
+            self.unrecorded = '' if unwritten is None else str(unwritten)
         self._chain = ''
         self._outputs.record(self.recorder)
         self._outputs.begin()
@@ -126,6 +128,20 @@ class NodeRun:
         self.initial_energy = sample.energy
         self.balance = diagnostics.balance(sample)
         self.send(whole=True)
+        if unwritten is not None:
+            raise unwritten
+
+    def check_stamp(self, state: State | None = None, keep_time: bool = False) -> int:
+        """By how much (ns) stamps are ahead of the time of a run that begins so (see `begin`).
+
+        Raises InputError if no message can have its first stamp.
+        """
+        later = self.ahead + round((self.simulation.t + self.setup.tick) * 1e9)
+        first = 0.0 if state is None else state.step * self.simulation.h
+        ahead = later - round(first * 1e9) if keep_time else 0
+        if stamp_ns(first, ahead) > LAST:
+            raise InputError(ENDS, key='t', value=first + ahead * 1e-9)
+        return ahead
 
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:
         """Continue with other settings at the same state; `effects` are the numbers that

@@ -11,6 +11,7 @@ from pathlib import Path
 from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.scene.references import References
+from alf_ros.scene.text.decimal_numbers import decimal
 from alf_ros.scene.text.yaml_document import LARGEST, LARGEST_FILE, SMALLEST, Entry, replaced
 from alf_ros.scene.text.yaml_writer import entry as as_entry
 
@@ -82,7 +83,7 @@ def read(path: Path) -> Table:
 def _number(cell: str) -> float:
     """The value of a cell, NaN if it has none that can be used."""
     try:
-        value = float(cell)
+        value = decimal(cell.strip())
     except ValueError:
         return math.nan
     return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan

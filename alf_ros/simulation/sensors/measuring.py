@@ -111,7 +111,7 @@ class _Measure(ABC):
         )
         if noise.any() or bias.any():
             assert self._noise is not None
-            errors, at = self._noise.errors(sample.step, noise, bias), 0
+            errors, at = self._noise.errors(sample.t, noise, bias), 0
             for name in names:
                 found[name] = found[name] + errors[at : at + 3]
                 at += 3
@@ -286,7 +286,7 @@ class _Range(_Mounted):
         said = self._said
         if said.noise:
             assert self._noise is not None
-            noise = self._noise.errors(sample.step, np.array([said.noise]), np.zeros(1))
+            noise = self._noise.errors(sample.t, np.array([said.noise]), np.zeros(1))
             distance += float(noise[0])
         if distance > said.max_range:
             distance = math.inf

@@ -1,4 +1,4 @@
-"""Numbers of URDF and SDF: what their C++ readers take, and not all that Python does."""
+"""Numbers of URDF, SDF and tables: what their C++ readers take, and not all that Python does."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from alf_ros import InputError
-from alf_ros.exchange.decimal_numbers import decimal
 from alf_ros.exchange.import_file import imported
+from alf_ros.scene.text import number_table
+from alf_ros.scene.text.decimal_numbers import decimal
 from support.imported_motions import saved
 
 URDF = (
@@ -51,3 +52,14 @@ def test_files_with_numbers_of_python_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='pin: not a number, got .1_0'):
         read('it.sdf', SDF.format('1', '1_0'))
     assert 'limits' not in read('it.sdf', SDF.format('1', 'inf'))
+
+
+def test_a_table_with_numbers_of_python_is_refused(tmp_path: Path) -> None:
+    """`1_0` was 10 without a word, although 1.0 may have been meant."""
+    assert number_table.read(Path(saved(tmp_path, 'it.csv', 't,x\n0, 1\n1,+2e0 \n'))) == (
+        (0, 1),
+        (1, 2),
+    )
+    for word in ('1_0', '\u0663'):
+        with pytest.raises(InputError, match='it.csv:2: not a row of numbers: column 2 of 2'):
+            number_table.read(Path(saved(tmp_path, 'it.csv', f'0,1\n1,{word}\n')))
