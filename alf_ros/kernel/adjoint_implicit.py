@@ -25,6 +25,7 @@ from alf_ros.kernel.data import Adjoint
 from alf_ros.kernel.driven_tangents import take_drives_back
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.implicit_stages import evaluate_again, evaluate_begin, place_stage
+from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.lane_structs import section
@@ -86,7 +87,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
     for back in range(stages - ONE):
         s = stages - ONE - back
         at, gamma = TWO * s * n, h * method.a[s * stages + s]
-        ts, near = min(t + method.c[s] * h, end), x < np.inf
+        ts, near = stage_time(t, end, h, method.c[s]), x < np.inf
         result, x = evaluate_again(problem, phase, work.k, (ts, h), s, scales, near, tangents.lam)
         if result != OK:
             return result

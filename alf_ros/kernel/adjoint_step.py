@@ -18,6 +18,7 @@ from alf_ros.kernel.adjoint_sums import take_fixed_back, take_sum_back
 from alf_ros.kernel.arc_coordinates import components, composed
 from alf_ros.kernel.data import ORIGIN, Adjoint
 from alf_ros.kernel.driven_tangents import take_drives_back
+from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import add, block, put, subtract
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, compiled, inner
@@ -97,7 +98,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
     _add_up_back(adjoint, end, stages, h)
     for back in range(stages):
         s = stages - ONE - back
-        ts = min(t + method.c[s] * h, end)
+        ts = stage_time(t, end, h, method.c[s])
         _fold_back(adjoint, s)
         count = take_stage_back(adjoint, ts, k, s)
         if count <= 0:

@@ -12,6 +12,7 @@ from alf_ros.kernel.companion import (
 from alf_ros.kernel.crossed_kinks import CROSSINGS, next_aim, passed, shorter
 from alf_ros.kernel.data import Phase, Problem, Span
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
+from alf_ros.kernel.kinks_over_time import just_behind
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
@@ -56,7 +57,7 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
         since, cuts = 0.0, 0  # s since a kink was crossed; pieces on the way to crossings
         while True:
             begin, to, dt = t + done, end if aim == h else t + aim, aim - done
-            piece = begin, to, dt
+            piece = just_behind(begin, to), to, dt
             result, count = step(problem, phase, piece, sigma, begun)
             most = max(most, count)
             if told_to_stop(work):

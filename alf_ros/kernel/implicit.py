@@ -42,7 +42,7 @@ from alf_ros.kernel.interpolated_stages import (
     evaluate_uninterpolated,
     linearise_aside,
 )
-from alf_ros.kernel.kinks_over_time import until_kink
+from alf_ros.kernel.kinks_over_time import just_behind, stage_time, until_kink
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, note_det, rank_lost
 from alf_ros.kernel.mass import add_mass_times
@@ -229,7 +229,7 @@ def _step(
             for i in range(n):  # a stiff stage may be extrapolated wrongly: guess a standstill
                 v = (q[i] - work.before_q[i]) / gamma
                 system.soft.k[i] = (v - work.before_qd[i]) / gamma
-        ts = t + method.c[s] * h
+        ts = stage_time(t, end, h, method.c[s])
         if problem.forces.kinks.instants.size > 0:
             ts = min(ts, problem.forces.kinks.span[1])
         result, count, near, rate = _solve_stage(problem, phase, ts, s, gamma, near, rate, scales)
@@ -323,7 +323,9 @@ def advance_implicitly(
             parts = max(1.0, np.ceil(0.999999 * left / length))  # no crumb at the grid point
             dt = left / parts
             to = end if parts == 1.0 and aim == h else begin + dt
-            if adaptive and kinks.instants.size > 0:
+            if not adaptive:
+                begin = just_behind(begin, to)
+            elif kinks.instants.size > 0:
                 to = min(to, kinks.span[1])
             result, count = _step(problem, phase, begin, to, dt, here)
             most = max(most, count)

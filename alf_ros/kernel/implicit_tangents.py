@@ -24,6 +24,7 @@ from alf_ros.kernel.data import Phase, Problem, Tangents
 from alf_ros.kernel.driven_tangents import drive_tangents
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.implicit_stages import evaluate_again, evaluate_begin
+from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, by_address, expanded, inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere
@@ -101,7 +102,7 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
     gamma = 0.0
     for s in range(ONE, stages):
         gamma = h * method.a[s * stages + s]
-        ts = t + method.c[s] * h
+        ts = stage_time(t, end, h, method.c[s])
         if problem.forces.kinks.instants.size > 0:
             ts = min(ts, problem.forces.kinks.span[1])
         near, lam = x < np.inf, tangents.lam

@@ -4,19 +4,39 @@ Tables and trajectories are functions of time in pieces. A step never reaches ac
 piece, so forces between two of its stages are as smooth as at the stages. On both sides of a kink
 they are evaluated by the piece of that side: `Kinks.span` holds the times between which the stages
 of a step are.
+
+Steps of a fixed length do not end at all kinks, but often at some: a table has its rows at round
+times, and so has the grid. Their stages are within the step by more than the rounding of t. So a
+force that jumps where a step begins or ends has the value of the side of the step.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.data import Kinks
-from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, inlined, inner
 
 _SAME = 1e-12  # of the step of the grid, and …
 _ROUNDED = 4e-15  # … of t: an instant that near to a time is that time
 _BEFORE = 1.0 - 4e-16  # times an instant: just before it
+_ROUNDING = 1e-15  # of t: how far stages are within a fixed step, and …
+_PART = 0.01  # … of the step, at most
+
+
+@inlined
+def just_behind(t: Any, end: Any) -> Any:
+    """The time (s) of the first stage of a fixed step from t to `end`."""
+    return t + min(_ROUNDING * max(abs(t), abs(end)), _PART * (end - t))
+
+
+@inlined
+def stage_time(t: Any, end: Any, h: Any, c: float) -> Any:
+    """The time (s) of the stage c of a step of h (s) from t to `end`: before its end."""
+    return min(t + c * h, end - min(_ROUNDING * abs(end), _PART * (end - t)))
 
 
 @inner

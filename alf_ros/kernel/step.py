@@ -47,6 +47,7 @@ from alf_ros.kernel.interpolated_stages import (
     evaluate_interpolated,
     evaluate_uninterpolated,
 )
+from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, expanded, inner
@@ -240,7 +241,7 @@ def step(
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)
-        ts = t + method.c[s] * h if s < stages else end
+        ts = stage_time(t, end, h, method.c[s]) if s < stages else end
         if problem.forces.kinks.instants.size > 0:
             ts = min(ts, problem.forces.kinks.span[1])
         prescribe(system, ts, work.q, work.qd, work.qdd)

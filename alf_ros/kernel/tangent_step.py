@@ -37,6 +37,7 @@ from alf_ros.kernel.companion import (
 )
 from alf_ros.kernel.data import Phase, Problem, Tangents, Tape
 from alf_ros.kernel.interpolated_stages import evaluate_interpolated
+from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, by_address, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest
@@ -149,7 +150,7 @@ def carry_again(
     stages = method.b.size
     for s in range(stages):
         add_up(method, work, s, h)
-        ts = min(t + method.c[s] * h, end)
+        ts = stage_time(t, end, h, method.c[s])
         prescribe(system, ts, work.q, work.qd, work.qdd)
         unfold(unit, system, work, phase)
         copy(work.q, work.base)

@@ -13,6 +13,7 @@ from alf_ros.kernel.arc_coordinates import (
 )
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
+from alf_ros.kernel.kinks_over_time import just_behind, stage_time
 from alf_ros.kernel.lanes.lane_judge import judge_lanes
 from alf_ros.kernel.lanes.lane_kinks import clear_of_kinks
 from alf_ros.kernel.lanes.lane_projection import project_lanes
@@ -60,15 +61,15 @@ def lane_step(
     the most iterations of each. The others are as they were.
     """
     work, index = problem.work, progress.index[0]
-    progress.t[0] = index * h
+    span = LaneSpan(just_behind(index * h, (index + 1.0) * h), (index + 1.0) * h, h)
+    progress.t[0] = span.begin
     copy(phase.qd, work.qd)
     lane_drives(problem, of, crew, progress)
     lane_forces(problem, of, crew, progress)
     most, good = lane_accelerations(problem, live)  # (26)
     path_curvature(problem, good)
-    span = LaneSpan(index * h, (index + 1.0) * h, h)
     good, rounds = stages_of(problem, phase, of, crew, progress, span, good, None)
-    good = clear_of_kinks(problem, phase, of, crew, progress, span.begin, h, good)
+    good = clear_of_kinks(problem, phase, of, crew, progress, index * h, h, good)
     good = judge_lanes(problem.unit, problem.system, problem.method, work, h, good)
     return good, max(most, rounds)
 
@@ -126,7 +127,7 @@ def stages_of(
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     for s in range(ZERO, stages + ONE):
         add_up(method, work, s, h)
-        t[0] = span.begin + method.c[s] * h if s < stages else span.end
+        t[0] = stage_time(span.begin, span.end, h, method.c[s]) if s < stages else span.end
         lane_drives(problem, of, crew, progress)
         unfold(unit, system, work, phase)  # (30)
         if s == stages or nowhere(good):
