@@ -152,10 +152,10 @@ def advance_adaptively(
                 result = TOO_MANY
                 break
             aim = goal if goal > done else h
-            left, begin = aim - done, t + done
+            left, begin, latest = aim - done, t + done, np.inf
             if kinks.instants.size > 0:
-                ahead = until_kink(kinks, begin, left, h)
-                begin = max(begin, kinks.span[0])
+                ahead, earliest, latest = until_kink(kinks.instants, begin, left, h)
+                begin = max(begin, earliest)
                 if ahead < left:
                     left, aim = ahead, done + ahead
             longest = pace[0]
@@ -163,9 +163,7 @@ def advance_adaptively(
                 longest = min(longest, TURN / turning(unit, system.arms, phase))
             parts = parts_of(left, longest)
             dt = left / parts
-            to = end if parts == 1.0 and aim == h else begin + dt
-            if kinks.instants.size > 0:
-                to = min(to, kinks.span[1])
+            to = min(end if parts == 1.0 and aim == h else begin + dt, latest)
             if not begun:
                 work.sides[0] = np.nan
             work.sides[1] = 0.0

@@ -12,7 +12,7 @@ from alf_ros.kernel.companion import (
 from alf_ros.kernel.crossed_kinks import CROSSINGS, next_aim, passed, shorter
 from alf_ros.kernel.data import Phase, Problem, Span
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
-from alf_ros.kernel.kinks_over_time import just_behind
+from alf_ros.kernel.kinks_over_time import just_behind, piece_to_kink
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
@@ -40,9 +40,10 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
     `phase` is the state, in and out; on failure it holds the last good step. The call ends earlier
     after a step in which, in a watched run, a singular position may have been passed.
     `within`: `phase` is a singular position, and no force acts along the direction of the lost
-    row, so that solves do not show it. A step that is asked to stop is given up. A step in which a
-    kink of a force is met and left, which no stage may see, is taken in pieces (`grazed_kinks`),
-    with derivatives also one in which a kink is crossed (`crossed_kinks`).
+    row, so that solves do not show it. A step that is asked to stop is given up. A step is taken
+    in pieces if a kink over time is in it (`kinks_over_time`), or a kink of a force that is met
+    and left, which no stage may see (`grazed_kinks`); with derivatives also if a kink is crossed
+    (`crossed_kinks`).
     """
     unit, system, work = problem.unit, problem.system, problem.work
     t0, first, steps, h = span
@@ -56,7 +57,8 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
         done, aim, tries, begun = 0.0, h, 0, False  # aim: where the piece of the step ends
         since, cuts = 0.0, 0  # s since a kink was crossed; pieces on the way to crossings
         while True:
-            begin, to, dt = t + done, end if aim == h else t + aim, aim - done
+            begin, to, aim = piece_to_kink(kinks.instants, t, end, h, done, aim)
+            dt = aim - done
             piece = just_behind(begin, to), to, dt
             result, count = step(problem, phase, piece, sigma, begun)
             most = max(most, count)

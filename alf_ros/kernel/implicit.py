@@ -230,8 +230,6 @@ def _step(
                 v = (q[i] - work.before_q[i]) / gamma
                 system.soft.k[i] = (v - work.before_qd[i]) / gamma
         ts = stage_time(t, end, h, method.c[s])
-        if problem.forces.kinks.instants.size > 0:
-            ts = min(ts, problem.forces.kinks.span[1])
         result, count, near, rate = _solve_stage(problem, phase, ts, s, gamma, near, rate, scales)
         most = max(most, count)
         suspect |= near
@@ -314,19 +312,17 @@ def advance_implicitly(
                 result = TOO_MANY if 4 * unsettled < MOST else NOT_SETTLED
                 break
             aim = goal if goal > done else h  # where a kink is met and left in a step, before h
-            left, begin = aim - done, t + done
-            if adaptive and kinks.instants.size > 0:
-                ahead = until_kink(kinks, begin, left, h)
-                begin = max(begin, kinks.span[0])
+            left, begin, latest = aim - done, t + done, np.inf
+            if kinks.instants.size > 0:
+                ahead, earliest, latest = until_kink(kinks.instants, begin, left, h)
+                begin = max(begin, earliest)
                 if ahead < left:
                     left, aim = ahead, done + ahead
             parts = max(1.0, np.ceil(0.999999 * left / length))  # no crumb at the grid point
             dt = left / parts
-            to = end if parts == 1.0 and aim == h else begin + dt
+            to = min(end if parts == 1.0 and aim == h else begin + dt, latest)
             if not adaptive:
                 begin = just_behind(begin, to)
-            elif kinks.instants.size > 0:
-                to = min(to, kinks.span[1])
             result, count = _step(problem, phase, begin, to, dt, here)
             most = max(most, count)
             if told_to_stop(work):

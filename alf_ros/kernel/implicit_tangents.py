@@ -103,8 +103,6 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
     for s in range(ONE, stages):
         gamma = h * method.a[s * stages + s]
         ts = stage_time(t, end, h, method.c[s])
-        if problem.forces.kinks.instants.size > 0:
-            ts = min(ts, problem.forces.kinks.span[1])
         near, lam = x < np.inf, tangents.lam
         result, x = evaluate_again(own, phase, run.k, (ts, h), s, scales, near, lam)
         if result != OK:

@@ -1,13 +1,9 @@
-"""Kinks over time, which are known before: the steps of an adaptive method end there.
+"""Kinks over time, which are known before: steps end there.
 
 Tables and trajectories are functions of time in pieces. A step never reaches across the end of a
 piece, so forces between two of its stages are as smooth as at the stages. On both sides of a kink
-they are evaluated by the piece of that side: `Kinks.span` holds the times between which the stages
-of a step are.
-
-Steps of a fixed length do not end at all kinks, but often at some: a table has its rows at round
-times, and so has the grid. Their stages are within the step by more than the rounding of t. So a
-force that jumps where a step begins or ends has the value of the side of the step.
+they are evaluated by the piece of that side: stages are within the step by more than the rounding
+of t. A step of a fixed length with a kink between its ends is taken in pieces.
 """
 
 from __future__ import annotations
@@ -17,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.kernel.data import Kinks
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, inlined, inner
 
 _SAME = 1e-12  # of the step of the grid, and …
@@ -40,19 +35,35 @@ def stage_time(t: Any, end: Any, h: Any, c: float) -> Any:
 
 
 @inner
-def until_kink(kinks: Kinks, t: float, left: float, h: float) -> float:
-    """How long (s) a step from t (s) may be, at most `left` (s), and `kinks.span` of the step; h:
-    the step of the grid."""
-    instants, span = kinks.instants, kinks.span
+def piece_to_kink(
+    instants: Floats, t: float, end: float, h: float, done: float, aim: float
+) -> tuple[float, float, float]:
+    """A piece of a fixed step of h (s) from t to `end` (s), from `done` to `aim` (s) behind t or
+    to a kink before: its begin and end (s), and where it ends behind t; h at the end of the
+    step."""
+    begin, latest = t + done, np.inf
+    if instants.size > 0:
+        ahead, earliest, latest = until_kink(instants, begin, aim - done, h)
+        begin = max(begin, earliest)
+        if ahead < aim - done:
+            aim = done + ahead
+    return begin, min(end if aim == h else t + aim, latest), aim
+
+
+@inner
+def until_kink(instants: Floats, t: float, left: float, h: float) -> tuple[float, float, float]:
+    """How long (s) a step from t (s) may be, at most `left` (s), and the times (s) before and
+    behind which it has no stages; h: the step of the grid."""
     near = _SAME * h + _ROUNDED * abs(t)
     n = _first_behind(instants, t + near)
-    span[0] = instants[n - ONE] if n > ZERO else -np.inf
-    span[1] = np.inf
+    earliest, latest = -np.inf, np.inf
+    if n > ZERO:
+        earliest = instants[n - ONE]
     if n < instants.size and instants[n] <= t + left + near:
-        span[1] = instants[n] * _BEFORE
+        latest = instants[n] * _BEFORE
         if instants[n] < t + left - near:
-            return instants[n] - t
-    return left
+            left = instants[n] - t
+    return left, earliest, latest
 
 
 @inner

@@ -242,8 +242,6 @@ def step(
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)
         ts = stage_time(t, end, h, method.c[s]) if s < stages else end
-        if problem.forces.kinks.instants.size > 0:
-            ts = min(ts, problem.forces.kinks.span[1])
         prescribe(system, ts, work.q, work.qd, work.qdd)
         unfold(unit, system, work, phase)  # (30)
         if s == stages:

@@ -81,7 +81,7 @@ class AlikeMembers:
             simulation, quantities, likeness.rows, self._problems, self._phases
         )
         progress = MemberStructs(
-            LaneProgress(*np.zeros((5, 1))), self.most, LaneProgress.__dataclass_fields__
+            LaneProgress(*np.zeros((7, 1))), self.most, LaneProgress.__dataclass_fields__
         )
         self._of_problems = LanesOfMembers(self._problems, self._lanes)
         self._of_phases = LanesOfMembers(self._phases, self._lanes)
@@ -100,6 +100,7 @@ class AlikeMembers:
         dimension, lanes = self._of.model.layout.dimension, self._lanes
         addresses = functions_of_members(dimension, self._adaptive)
         steady = int(self._of._run.applied.is_steady)
+        dated = int(self._of._run.applied.assembled.kinks.instants.size > 0)
         alone, forces, drives = (np.array([each], dtype=np.uint64) for each in addresses)
         return LaneCrew(
             problem=self._problems.addresses[own].copy(),
@@ -108,6 +109,7 @@ class AlikeMembers:
             forces=forces,
             drives=drives,
             steady=np.array([steady]),
+            dated=np.array([dated]),
             result=np.zeros(lanes, dtype=np.int64),
             apart=np.zeros(lanes, dtype=np.int64),
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -281,8 +280,7 @@ class Applied:
             rub = replace(rub, effects=self.on(self._reactions().cut))
         layout = self._model.layout
         scalars = [(kind.interval, kind.packed.intervals) for kind in self._all(layout)]
-        instants = self.instants if self._asked.instants else np.zeros(0)
-        found = kinks(self._model, scalars, instants, not self._asked.ends)
+        found = kinks(self._model, scalars, self.instants, not self._asked.ends)
         return Forces(self._pack(layout), rub, self._ledger, found)
 
     def _with_efforts(self) -> Forces | None:
@@ -311,11 +309,6 @@ class Applied:
         kinds = (kind for held in self._held.values() for kind in held.kinds(layout))
         more = [kind.packed.instants for kind in kinds if kind.packed.instants.size]
         return np.unique(np.concatenate([own, *more])) if more else own
-
-    @cached_property
-    def shortest_piece(self) -> float:
-        """The shortest time between two kinks over time, s; infinite with less than two."""
-        return float(np.diff(self.instants).min(initial=math.inf))
 
     @property
     def _ledger(self) -> Ledger:

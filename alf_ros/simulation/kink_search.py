@@ -26,7 +26,7 @@ def kinks(
     a kink."""
     found = _none()
     if instants.size:
-        found = replace(found, instants=instants, span=np.array([-np.inf, np.inf]))
+        found = replace(found, instants=instants)
     known = [
         (address, effect, n)
         for effect, (address, count) in enumerate(scalars)

@@ -136,9 +136,6 @@ def unlike(simulation: Simulation) -> str:
         return 'positions given are closed for each member'
     if simulation.accuracy is not None or simulation.solver != scene.solver:
         return 'settings that are picked belong to one member'
-    kinks = simulation._run.applied.assembled.kinks
-    if kinks.instants.size or kinks.span.size:
-        return 'kinks over time are listed for each member'
     return ''
 
 
@@ -152,8 +149,8 @@ def _structure(kind: PackedKind) -> tuple[object, ...]:
     """All of a packed kind but its numbers."""
     packed = kind.packed
     addresses = kind.force, kind.potential, kind.friction, kind.tangent, kind.side, kind.interval
-    sizes = packed.params.size, packed.intervals, packed.instants.size, len(kind.rubbing)
-    return kind.name, addresses, packed.slots.tobytes(), sizes
+    sizes = packed.params.size, packed.intervals, len(kind.rubbing)
+    return kind.name, addresses, packed.slots.tobytes(), packed.instants.tobytes(), sizes
 
 
 def _places(scene: Scene) -> tuple[tuple[str, tuple[bool, ...]], ...]:

@@ -97,7 +97,6 @@ class MissedPositions:
         judged: Judged,
         told: float,
         longest: float,
-        unseen: float,
     ) -> Resolution:
         """The resolution of steps `judged` (its first six fields), of which stages found that a
         position is missed by `told` (m), and which went at most `longest` (m) beside one."""
@@ -108,4 +107,4 @@ class MissedPositions:
             gap = self.on_the_way
             # shorter steps follow the turn within √(gap size) that strictly there is
             gap = gap if DRIFT * size < gap < longest**2 / size else 0.0
-        return Resolution(*judged, gap, self.reason, self._start.unexamined, unseen)
+        return Resolution(*judged, gap, self.reason, self._start.unexamined)

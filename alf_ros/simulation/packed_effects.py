@@ -39,14 +39,13 @@ class PackedKind:
 class AskedFunctions:
     """The functions and numbers of effects that a method asks for, besides those that all of them
     need: `tangents` of an implicit one, `sides` of an adaptive explicit one, `branches` of one
-    with derivatives, `intervals` of every method of alf2, and the `instants` of kinks of every
-    adaptive one. `ends`: whether steps end at kinks that they would cross."""
+    with derivatives, and `intervals` of every method of alf2. `ends`: whether steps end at
+    kinks that they would cross."""
 
     tangents: bool = False
     sides: bool = False
     branches: bool = False
     intervals: bool = False
-    instants: bool = False
     ends: bool = False
 
 

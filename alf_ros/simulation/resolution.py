@@ -34,8 +34,7 @@ class Resolution:
     alf2. `caution`: by how much the estimates may be too small. `crossing` (m): by how much a
     singular position was missed that steps passed, at best as if they met it; `missed_by`: the
     cause, `lengths` or, with several freedoms, `the motion`; `unexamined`: the part of the start
-    that was not examined, in words; `unseen` (s): the shortest piece of a table or trajectory over
-    time, if it may lie between two stages of a fixed step.
+    that was not examined, in words.
     """
 
     step: float
@@ -47,7 +46,6 @@ class Resolution:
     crossing: float = 0.0
     missed_by: str = LENGTHS
     unexamined: str = ''
-    unseen: float = 0.0
 
     @property
     def chatters(self) -> bool:
@@ -76,12 +74,6 @@ class Resolution:
         found = [self._too_long(adequate)] if self.too_long else []
         if self.crossing > 0.0:
             found.append(self._missed())
-        elif self.unseen > 0.0:
-            found.append(
-                f'a table or trajectory over time has pieces of {self.unseen:.2g} s, which may '
-                f'lie between the stages of steps of {self.step:g} s and not act; take an '
-                'adaptive integrator'
-            )
         return '; '.join(found) or self.unexamined
 
     def _missed(self) -> str:

@@ -46,7 +46,7 @@ class _Group:
         problems = [each._run.stepper.problem_of(each._run.present) for each in self._all]
         phases = [each._run.present.phase for each in self._all]
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
-        self.progress = LaneStruct([LaneProgress(*np.zeros((5, 1))) for _ in self._all])
+        self.progress = LaneStruct([LaneProgress(*np.zeros((7, 1))) for _ in self._all])
         self._is_adaptive = is_adaptive(members[0])
         steps, forces, drives = functions_of_members(len(problems[0].unit), self._is_adaptive)
         self.crew = LaneCrew(
@@ -55,6 +55,7 @@ class _Group:
             _as_array(steps),
             _as_array(forces),
             _as_array(drives),
+            np.zeros(1, dtype=np.int64),
             np.zeros(1, dtype=np.int64),
             np.zeros(lanes, dtype=np.int64),
             np.zeros(lanes, dtype=np.int64),
@@ -76,6 +77,7 @@ class _Group:
         self.of_phase = [each._run.present.phase for each in self._all]
         self.crew.problem[:], self.crew.phase[:] = _addresses(self.of), _addresses(self.of_phase)
         self.crew.steady[0] = all(each._run.present.applied.is_steady for each in self._all)
+        self.crew.dated[0] = any(each.forces.kinks.instants.size for each in self.of)
         self._index[:] = [each.step_index for each in self._all]
 
     def begin(self, n: int, moving: Sequence[bool]) -> None:
@@ -289,10 +291,11 @@ def is_adaptive(simulation: Simulation) -> bool:
 
 def _pattern(simulation: Simulation) -> bytes:
     """The common part of the members of a group: the whole numbers of the mechanism, the
-    iterations of a solve, and the tolerance of an adaptive method."""
+    iterations of a solve, the tolerance of an adaptive method, the number of kinks over time."""
     system, method = simulation._run.stepper.system, simulation._run.stepper.method
     tolerance = float(method.tolerance) if is_adaptive(simulation) else 0.0
-    parts = [repr((int(method.iterations), tolerance)).encode()]
+    instants = simulation._run.applied.assembled.kinks.instants
+    parts = [repr((int(method.iterations), tolerance, instants.size)).encode()]
     for struct in (system.mass, system.rows, system.pattern, system.arms, system.angles):
         for name, value in sorted(vars(struct).items()):
             if name.startswith('_'):

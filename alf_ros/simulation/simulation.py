@@ -302,7 +302,7 @@ class Simulation:
         """How well the steps resolve the motion since the start or the last restored state, and
         whether they are too long; and the parts that were not examined. Measured with alf2, steps
         with the integrators of fixed steps."""
-        return self._run.stepper.resolution_later(self._run.applied)()
+        return self._run.stepper.resolution_later()()
 
     @property
     def missed(self) -> float:

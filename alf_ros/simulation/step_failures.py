@@ -45,7 +45,7 @@ def failure(stepper: Stepper, status: Status, present: Present) -> StepError:
         if cause is not None:
             reason, remedy = reason + cause[0], cause[1]
     if status == Status.TOO_LONG:
-        longest = stepper.resolution_later(present.applied)().adequate
+        longest = stepper.resolution_later()().adequate
         remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
     return StepError(reason, remedy, t)
 

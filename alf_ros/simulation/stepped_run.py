@@ -194,6 +194,6 @@ class SteppedRun:
             stepper.iterations,
             self.step_cost,
             False if stepper.formulation else beside,
-            stepper.resolution_later(self.applied),
+            stepper.resolution_later(),
             None if tangents is None else tangents.followed(passes, whole),
         )

@@ -69,9 +69,6 @@ class Stepper:
         self.start, self.model = start, start.model
         self.missed = MissedPositions(start, leaps=not method.embedded.size)
         tableau, adaptive = TABLEAUX[solver.integrator], method.embedded.size > 0
-        # s, the longest way of a fixed step between two stages; adaptive ones end at known kinks
-        stages = np.unique([*method.c, 1.0])
-        self._blind = 0.0 if adaptive else self.h * float(np.diff(stages).max())
         self.instruments = Instruments(self.model, ReactionsOf(self.model))
         # with nothing held
         self.applied = Applied(
@@ -85,7 +82,6 @@ class Stepper:
                 sides=adaptive and not tableau.implicit,
                 branches=following is not None or written,
                 intervals=solver.formulation == 'alf2',
-                instants=adaptive,
                 ends=not (adaptive or written or following is not None),
             ),
         )
@@ -335,18 +331,16 @@ class Stepper:
         found = self.formulation is None and self.method.estimate.size > 0
         return measured(self.h, self.work.judged, self.method.caution)[1] if found else math.nan
 
-    def resolution_later(self, applied: Applied) -> Callable[[], Resolution]:
+    def resolution_later(self) -> Callable[[], Resolution]:
         """How well the steps so far resolve the motion, where that is measured: computed when it
-        is called, as it may take a search. applied: all forces."""
+        is called, as it may take a search."""
         if self.formulation is not None:
             return partial(Resolution, self.h)
         judged: Judged = self.h, math.nan, math.nan, math.nan, False, 1.0
         if self.method.estimate.size:
             judged = measured(self.h, self.work.judged, self.method.caution)
         told, _, longest = self.work.crossing.tolist()
-        piece = applied.shortest_piece
-        unseen = piece if piece < self._blind else 0.0
-        return partial(self.missed.resolution, judged, told, longest, unseen)
+        return partial(self.missed.resolution, judged, told, longest)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if

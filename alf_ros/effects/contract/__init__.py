@@ -155,7 +155,7 @@ class Packed:
     """Data of the compiled functions of an effect: `slots` are indices, `params` numbers.
 
     directions: the blocks that each direction of `tangent` moves; intervals: how many scalars
-    `interval` knows; instants: of kinks over time (s), at which adaptive steps end; smooth:
+    `interval` knows; instants: of kinks over time (s), at which steps end; smooth:
     whether `side` is the same everywhere, so that nobody needs to ask.
     """
 

@@ -123,7 +123,6 @@ class Kinks(Struct):
     addresses = ('search', 'interval')
 
     instants: Floats  # (instants,) s, ascending, at which steps end
-    span: Floats  # (2,) s, between which the stages of a step are; (0,) without instants
     search: Addresses  # (1,) address of the function that searches, or (0,) without scalars
     interval: Addresses  # (scalars,) address of interval()
     effect: Indices  # (scalars,) number of the effect

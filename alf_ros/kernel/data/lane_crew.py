@@ -20,6 +20,7 @@ class LaneCrew(Struct):
     forces: Addresses  # (1,) of the function that puts Q of one member into its work
     drives: Addresses  # (1,) of the function that places its prescribed blocks
     steady: Integers  # (1,) 1 if Q depends neither on time nor on the motion
+    dated: Integers  # (1,) 1 if forces or drives have kinks over time
     result: Integers  # (W,) of the steps of each
     apart: Integers  # (W,) steps that each took alone
 
@@ -31,6 +32,8 @@ class LaneProgress(Struct):
     index: Floats  # (1,) number of its steps, a whole number
     target: Floats  # (1,) number of steps at which it is done
     t: Floats  # (1,) s, of the stage
+    begin: Floats  # (1,) s, where its fixed step begins
+    end: Floats  # (1,) s, where it ends
     most: Floats  # (1,) most iterations in one solve
     across: Floats  # (1,) 1 if a kink of the forces is in its step, of an adaptive method
 

@@ -13,6 +13,7 @@ from alf_ros.kernel.lanes.lane_group import (
     leave_aside,
     take_members,
 )
+from alf_ros.kernel.lanes.lane_kinks import clear_of_instants
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import lane_step
 from alf_ros.kernel.lanes.single_member import give_phase
@@ -84,6 +85,10 @@ def _advance(
             fresh = True
         # also if it is not known whether the position is a singular one
         good = live & (phase.within[0] <= 0.0) & are_factored(unit, work)
+        index = progress.index[0]
+        progress.begin[0], progress.end[0] = index * h, (index + 1.0) * h
+        if crew.dated[0] != 0:
+            good = good & clear_of_instants(of, crew, progress, h)
         if anywhere(good):
             good, most = lane_step(problem, phase, of, crew, progress, h, good)
             progress.most[0] = pick(good, max(most, progress.most[0]), progress.most[0])

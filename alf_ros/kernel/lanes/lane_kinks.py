@@ -1,5 +1,5 @@
 """Lanes whose steps are clear of contacts and other kinks of the forces; the others take such a
-step alone, where kinks between two stages are searched for (`grazed_kinks`)."""
+step alone, in the pieces of `kinks_over_time` and `grazed_kinks`."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from alf_ros.kernel.grazed_kinks import (
     measure,
     restore_end,
 )
+from alf_ros.kernel.kinks_over_time import piece_to_kink
 from alf_ros.kernel.lanes.single_member import lane_drives, put_lane
 from alf_ros.kernel.numba_ext.jit import TWO, ZERO, inner
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
@@ -64,6 +65,20 @@ def clear_of_kinks(
         far = all_far(struct_at(of, crew.problem[m]), lane(progress.t, ZERO, m))
         set_lane(progress.t, ZERO, m, 1.0 if far else 0.0)
     return good & (progress.t[0] > 0.0)
+
+
+@inner
+def clear_of_instants(of: Problem, crew: LaneCrew, progress: LaneProgress, h: float) -> Mask:
+    """Where no kink over time is within the step of h (s), of which `progress` has begin and end;
+    these are put onto the sides of kinks that are near. Overwrites `progress.t`."""
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        instants = struct_at(of, crew.problem[m]).forces.kinks.instants
+        t, last = lane(progress.begin, ZERO, m), lane(progress.end, ZERO, m)
+        begin, end, aim = piece_to_kink(instants, t, last, h, 0.0, h)
+        set_lane(progress.begin, ZERO, m, begin)
+        set_lane(progress.end, ZERO, m, end)
+        set_lane(progress.t, ZERO, m, 1.0 if aim == h else 0.0)
+    return progress.t[0] > 0.0
 
 
 @inner

@@ -54,14 +54,14 @@ def lane_step(
     h: float,
     live: Mask,
 ) -> tuple[Mask, Lanes]:
-    """One step of h (s) of the lanes where `live` holds, from q, q̇ of `phase`, whose Φ_q and
-    factor stand in `work`. `of`: any member of the crew.
+    """One step of h (s) of the lanes where `live` holds, between the times in `progress`, from q,
+    q̇ of `phase`, whose Φ_q and factor stand in `work`. `of`: any member of the crew.
 
     Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns the lanes that have made it, and
     the most iterations of each. The others are as they were.
     """
-    work, index = problem.work, progress.index[0]
-    span = LaneSpan(just_behind(index * h, (index + 1.0) * h), (index + 1.0) * h, h)
+    work, begin, end = problem.work, progress.begin[0], progress.end[0]
+    span = LaneSpan(just_behind(begin, end), end, h)
     progress.t[0] = span.begin
     copy(phase.qd, work.qd)
     lane_drives(problem, of, crew, progress)
@@ -69,7 +69,7 @@ def lane_step(
     most, good = lane_accelerations(problem, live)  # (26)
     path_curvature(problem, good)
     good, rounds = stages_of(problem, phase, of, crew, progress, span, good, None)
-    good = clear_of_kinks(problem, phase, of, crew, progress, index * h, h, good)
+    good = clear_of_kinks(problem, phase, of, crew, progress, begin, h, good)
     good = judge_lanes(problem.unit, problem.system, problem.method, work, h, good)
     return good, max(most, rounds)
 

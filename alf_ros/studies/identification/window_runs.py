@@ -209,7 +209,7 @@ class WindowRuns:
             np.concatenate([residuals for residuals, _ in found]),
             np.concatenate([jacobian for _, jacobian in found])[:, :columns],
             np.repeat([each.channel for each in window.measured], count),
-            simulation._run.stepper.resolution_later(simulation._run.applied),
+            simulation._run.stepper.resolution_later(),
         )
 
     def state(self, simulation: Simulation, window: Window, free: Floats) -> State:
