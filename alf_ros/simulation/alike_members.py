@@ -81,7 +81,7 @@ class AlikeMembers:
             simulation, quantities, likeness.rows, self._problems, self._phases
         )
         progress = MemberStructs(
-            LaneProgress(*np.zeros((7, 1))), self.most, LaneProgress.__dataclass_fields__
+            LaneProgress(*np.zeros((8, 1))), self.most, LaneProgress.__dataclass_fields__
         )
         self._of_problems = LanesOfMembers(self._problems, self._lanes)
         self._of_phases = LanesOfMembers(self._phases, self._lanes)

@@ -46,7 +46,7 @@ class _Group:
         problems = [each._run.stepper.problem_of(each._run.present) for each in self._all]
         phases = [each._run.present.phase for each in self._all]
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
-        self.progress = LaneStruct([LaneProgress(*np.zeros((7, 1))) for _ in self._all])
+        self.progress = LaneStruct([LaneProgress(*np.zeros((8, 1))) for _ in self._all])
         self._is_adaptive = is_adaptive(members[0])
         steps, forces, drives = functions_of_members(len(problems[0].unit), self._is_adaptive)
         self.crew = LaneCrew(
@@ -278,9 +278,6 @@ def no_place(simulation: Simulation) -> str:
         return 'works, and friction that depends on reactions, have no lanes'
     if stepper.may_jump:
         return 'drives with corners have no lanes'
-    kinks = simulation._run.applied.assembled.kinks
-    if is_adaptive(simulation) and kinks.instants.size:
-        return 'adaptive steps that end at kinks over time have no lanes'
     return ''
 
 

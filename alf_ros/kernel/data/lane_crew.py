@@ -32,8 +32,9 @@ class LaneProgress(Struct):
     index: Floats  # (1,) number of its steps, a whole number
     target: Floats  # (1,) number of steps at which it is done
     t: Floats  # (1,) s, of the stage
-    begin: Floats  # (1,) s, where its fixed step begins
-    end: Floats  # (1,) s, where it ends
+    begin: Floats  # (1,) s, where its step begins
+    end: Floats  # (1,) s, where it ends; of an adaptive method: where it ends at the latest
+    left: Floats  # (1,) s, of its step of the grid, or to a kink over time
     most: Floats  # (1,) most iterations in one solve
     across: Floats  # (1,) 1 if a kink of the forces is in its step, of an adaptive method
 

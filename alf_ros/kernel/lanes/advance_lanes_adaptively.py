@@ -22,7 +22,7 @@ from alf_ros.kernel.lanes.lane_group import (
     take_members,
 )
 from alf_ros.kernel.lanes.lane_judge import lane_errors
-from alf_ros.kernel.lanes.lane_kinks import clear_of_kinks
+from alf_ros.kernel.lanes.lane_kinks import clear_of_kinks, end_at_instants
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import LaneSpan, lane_step_again
 from alf_ros.kernel.lanes.single_member import give_phase
@@ -109,11 +109,17 @@ def _advance(
             begin_group(problem, phase, of, crew)
             fresh = True
         tried += 1.0
-        t = index * h + done
+        progress.begin[0], progress.left[0] = index * h + done, h - done
+        progress.end[0] = done + np.inf
+        if crew.dated[0] != 0:
+            end_at_instants(of, crew, progress, h)
+        t, left = progress.begin[0], progress.left[0]
+        to_grid = unless(left < h - done)
         longest = pick(begun, pace, min(pace, TURN / turning(unit, system.arms, phase)))
-        parts = parts_of(h - done, longest)
-        dt, whole = (h - done) / parts, parts == 1.0
-        span = LaneSpan(t, pick(whole, (index + 1.0) * h, t + dt), dt)
+        parts = parts_of(left, longest)
+        dt, whole = left / parts, parts == 1.0
+        end = pick(whole & to_grid, (index + 1.0) * h, t + dt)
+        span = LaneSpan(t, min(end, progress.end[0]), dt)
         # also if it is not known whether the position is a singular one
         good = live & (phase.within[0] <= 0.0) & are_factored(unit, work) & (tried <= MOST)
         fine = coarse = done
@@ -140,7 +146,7 @@ def _advance(
         evaluations += pick(begun, stages - 1.0, stages)
         rounded += pick(accepted & (error > 1.0), 1.0, 0.0)
         phase.pace[0] = pick(accepted, next_pace(pace, dt, factor), factor * dt)
-        done = pick(accepted, pick(whole, h, done + dt), done)
+        done = pick(accepted, pick(whole & to_grid, h, done + dt), done)
         expected = pick(accepted, LEAP * max(coarse, 1.0), coarse)
         before, longer, begun = fine, dt, refused & unless(leaving)
         tries = pick(begun, tries + 1.0, 0.0)

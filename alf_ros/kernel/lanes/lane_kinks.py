@@ -19,7 +19,7 @@ from alf_ros.kernel.grazed_kinks import (
     measure,
     restore_end,
 )
-from alf_ros.kernel.kinks_over_time import piece_to_kink
+from alf_ros.kernel.kinks_over_time import piece_to_kink, until_kink
 from alf_ros.kernel.lanes.single_member import lane_drives, put_lane
 from alf_ros.kernel.numba_ext.jit import TWO, ZERO, inner
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
@@ -79,6 +79,19 @@ def clear_of_instants(of: Problem, crew: LaneCrew, progress: LaneProgress, h: fl
         set_lane(progress.end, ZERO, m, end)
         set_lane(progress.t, ZERO, m, 1.0 if aim == h else 0.0)
     return progress.t[0] > 0.0
+
+
+@inner
+def end_at_instants(of: Problem, crew: LaneCrew, progress: LaneProgress, h: float) -> None:
+    """Let no kink over time be within what is left of the steps of the grid of h (s): of these
+    `progress` has begins and lengths. It puts them onto the sides of kinks that are near, too."""
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        instants = struct_at(of, crew.problem[m]).forces.kinks.instants
+        t, left = lane(progress.begin, ZERO, m), lane(progress.left, ZERO, m)
+        left, earliest, latest = until_kink(instants, t, left, h)
+        set_lane(progress.begin, ZERO, m, max(t, earliest))
+        set_lane(progress.end, ZERO, m, latest)
+        set_lane(progress.left, ZERO, m, left)
 
 
 @inner
