@@ -1,9 +1,9 @@
 """Instants at which the rate of a drive jumps, which would take infinite forces.
 
 abs, min and max, roots that touch zero, and the like give motions with corners. Where the
-acceleration alone jumps there, the run continues. Where the rate jumps and something moves freely,
-the velocities of all bodies would jump with it. No step computes this: the run ends before, and
-says so.
+acceleration alone jumps there, the run continues, with steps that end at the corner. Where the
+rate jumps and something moves freely, the velocities of all bodies would jump with it. No step
+computes this: the run ends before, and says so.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ _JUMP = 1e-6  # of the rates of the step
 _ASIDE = 1e-4  # of a step: so far from a corner roundings of its rates have faded
 _WIDE = 50.0
 _SAME = 1e-9  # rank, of a whole number
+_NEAR = 1e-11  # of a step, and …
+_ROUNDED = 1e-14  # … of t: steps know a corner that far behind their end, as they may have met it
 
 
 class DriveJump(NamedTuple):
@@ -31,6 +33,15 @@ class DriveJump(NamedTuple):
 
     def __str__(self) -> str:
         return f'the rate of {self.name} jumps by {self.by:.4g} at t = {self.t:.9g} s'
+
+
+class Ahead(NamedTuple):
+    """How many steps are free of jumps, the corners (s) in these or right behind, and the jump
+    that follows."""
+
+    free: int
+    corners: list[float]
+    jump: DriveJump | None = None
 
 
 class DriveJumps:
@@ -47,24 +58,27 @@ class DriveJumps:
         free = model.n - model.system.rank > _SAME or bool(model.system.rows.velocity)
         return cls(model, branches) if branches is not None and (free or ledger) else None
 
-    def before(self, start: float, first: int, n: int, h: float) -> tuple[int, DriveJump | None]:
-        """How many of n steps of h (s), from start + first h on, are free of jumps, and the jump
-        that follows."""
-        done, branches = 0, self._branches
+    def ahead(self, start: float, first: int, n: int, h: float) -> Ahead:
+        """In n steps of h (s), from start + first h on."""
+        done, branches, corners = 0, self._branches, list[float]()
         branches.begin(start + first * h)
         while done < n:
             done += branches.same(start + (first + done) * h, n - done, h)
             if done == n:
                 break
-            jump = self._between(start + (first + done) * h, start + (first + done + 1) * h)
+            found, jump = self._between(start + (first + done) * h, start + (first + done + 1) * h)
+            corners += found
             if jump is not None:
-                return done, jump
+                return Ahead(done, corners, jump)
             done += 1
-        return n, None
+        end = start + (first + n) * h
+        # whatever the steps of one call, each knows the same corners
+        behind = branches.between(end, end + _NEAR * h + _ROUNDED * abs(end))
+        return Ahead(n, corners + [corner for _, corner in behind])
 
-    def _between(self, low: float, high: float) -> DriveJump | None:
-        """The first jump between two times."""
-        rates, aside = self._branches.rates, _ASIDE * (high - low)
+    def _between(self, low: float, high: float) -> tuple[list[float], DriveJump | None]:
+        """The corners before the first jump between two times, and the jump."""
+        rates, aside, corners = self._branches.rates, _ASIDE * (high - low), list[float]()
         least = _JUMP * np.maximum(np.abs(rates(low)), np.abs(rates(high)))
 
         def difference(last: float, end: float, away: float) -> Floats:
@@ -73,6 +87,7 @@ class DriveJumps:
             return np.abs(2.0 * rates(end + away) - rates(end + 2.0 * away) - before)
 
         for last, end in self._branches.between(low, high):
+            corners.append(end)
             near = np.abs(rates(end) - rates(last))
             if (near <= least).all():
                 continue
@@ -81,8 +96,8 @@ class DriveJumps:
             fades = by < 0.5 * difference(last, end, _WIDE * aside)
             fades = np.where(np.isfinite(near), near < 0.1 * by, fades)
             if ((by > least) & ~fades).any():
-                return self._named(end, by)
-        return None
+                return corners, self._named(end, by)
+        return corners, None
 
     def _named(self, t: float, by: Floats) -> DriveJump:
         layout = self._model.layout

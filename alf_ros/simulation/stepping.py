@@ -106,6 +106,8 @@ class Stepper:
         self.trail: Trail | None = None  # on which the steps of the run are written down
         self._jumps = DriveJumps.of(self.model, ledger)
         self.drive_jump: DriveJump | None = None
+        # forces, corners of drives, and the same forces with steps that end at these
+        self._cornered: tuple[Forces, list[float], Forces] | None = None
         self.formulation = formulation
         if solver.formulation != 'alf2' and formulation is None:
             self.formulation = Formulation(self.model, solver, start.q)
@@ -156,11 +158,12 @@ class Stepper:
 
     def advance_recorded(self, present: Present, n: int, record: StepRecord) -> Status:
         """n steps from the present, written down in `record`; fewer if one fails."""
-        problem, first = self._problem(self.work, present.applied.assembled), present.step
+        first, applied = present.step, present.applied
         within = self.begins_within(present) and first == 0
-        free = self._free_of_jumps(0.0, first, n, self.h)
+        free, corners = self._free_of_jumps(0.0, first, n, self.h)
         if free == 0 < n:
             return Status.DRIVE_JUMPS
+        problem = self._problem(self.work, self._ending_at(corners, applied.assembled))
         code = writing_down(self.model.layout.dimension, self.is_implicit)
         problem = self._accompanied(problem, code.address, record, np.zeros(0))
         span = Span(0.0, first, free, self.h)
@@ -188,10 +191,11 @@ class Stepper:
         followed: bool = True,
     ) -> Status:
         """n steps of h from `start` + `first` h (s); tangents follow if `followed`."""
-        forces, phase = present.applied.assembled, present.phase
-        free = self._free_of_jumps(start, first, n, h)
+        phase = present.phase
+        free, corners = self._free_of_jumps(start, first, n, h)
         if free == 0 < n:
             return Status.DRIVE_JUMPS
+        forces = self._ending_at(corners, present.applied.assembled)
         if self.formulation is not None:
             if self.trail is not None:
                 raise InputError('alf2 alone leaves a trail', key='formulation')
@@ -211,12 +215,26 @@ class Stepper:
         result, _, self.iterations = self._kernel(problem, phase, span, within)
         return self._ended(result, present, free < n, first + free)
 
-    def _free_of_jumps(self, start: float, first: int, n: int, h: float) -> int:
-        """How many of n steps of h from `start` + `first` h (s) come before a drive jumps."""
+    def _free_of_jumps(
+        self, start: float, first: int, n: int, h: float
+    ) -> tuple[int, list[float]]:
+        """How many of n steps of h from `start` + `first` h (s) come before a drive jumps, and the
+        corners (s) of drives in these."""
         if self._jumps is None:
-            return n
-        free, self.drive_jump = self._jumps.before(start, first, n, h)
-        return free
+            return n, []
+        free, corners, self.drive_jump = self._jumps.ahead(start, first, n, h)
+        return free, corners
+
+    def _ending_at(self, corners: list[float], forces: Forces) -> Forces:
+        """Forces whose steps end at corners of drives (s), too."""
+        if not corners:
+            return forces
+        known = self._cornered
+        if known is None or known[0] is not forces or known[1] != corners:
+            instants = np.union1d(forces.kinks.instants, corners)
+            kinks = changed(forces.kinks, instants=instants)
+            known = self._cornered = forces, corners, changed(forces, kinks=kinks)
+        return known[2]
 
     @staticmethod
     def _ended(result: int, present: Present, jumps: bool, last: int) -> Status:

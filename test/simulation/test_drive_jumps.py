@@ -22,6 +22,7 @@ def cart(motion: str, **more: Any) -> Scene:
         {
             'mechanism': {
                 'alf': 1,
+                'parameters': {'k': 5.0},
                 'points': {'P': {'at': [0, 0]}, 'A': {'at': [0.8, -0.6]}},
                 'bodies': {'rod': {'points': ['P', 'A'], 'mass': 1, 'inertia': 'rod'}},
             },
@@ -99,13 +100,40 @@ def test_rates_that_go_through_zero_are_no_jumps(motion: str) -> None:
     Simulation(cart(motion)).step(400)
 
 
-@pytest.mark.parametrize('t', [0.1, 0.10037])
-def test_an_acceleration_that_jumps(t: float) -> None:
-    simulation = Simulation(cart(f'5*max(t - {t}, 0)**2'))
+@pytest.mark.parametrize('t', [0.1, 0.10037, 0.1 + 1e-15, 0.101 - 1e-14])
+@pytest.mark.parametrize(
+    ('integrator', 'off_by'),
+    [('rk4', 1e-9), ('dop853', 2e-13), ('esdirk43', 1e-9), ('dop853_adaptive', 2e-13)],
+)
+def test_an_acceleration_that_jumps(integrator: str, off_by: float, t: float) -> None:
+    """A step ends there: each method keeps its order, and a run in parts has its bits."""
+    simulation, in_parts = (
+        Simulation(cart(f'5*max(t - {t!r}, 0)**2'), integrator=integrator) for _ in range(2)
+    )
     simulation.step(300)
     at = simulation.sample().points
     off = at['A'] - at['P']
-    assert np.arctan2(off[1], off[0]) == pytest.approx(angle(lambda _: 10.0, t, 0.3), abs=1e-7)
+    assert np.arctan2(off[1], off[0]) == pytest.approx(angle(lambda _: 10.0, t, 0.3), abs=off_by)
+    for steps in (99, 1, 1, 1, 1, 197):
+        in_parts.step(steps)
+    assert simulation.state.q.tobytes() == in_parts.state.q.tobytes()
+
+
+@pytest.mark.parametrize('integrator', ['dop853', 'dop853_adaptive'])
+def test_derivatives_where_an_acceleration_jumps(integrator: str) -> None:
+    """Steps end there, also those of tangents and of the adjoint."""
+    begins, ends, k, h = 0.10037, 0.3, 5.0, 1e-2
+    scene = cart(f'k*max(t - {begins}, 0)**2', step=5e-3, integrator=integrator)
+    by_adjoint = gradient(scene, 'final(points.A.x)', ['k'], ends)
+    simulation = Simulation(scene, tangents=['k'])
+    simulation.step(60)
+    by_tangents = simulation.sample().tangents['k'].of('points.A.x')
+    angles = [angle(lambda _, d=d: 2.0 * (k + d * h), begins, ends) for d in (-2, -1, 1, 2)]
+    slope = np.array([1.0, -8.0, 8.0, -1.0]) @ angles / (12.0 * h)
+    now = angle(lambda _: 2.0 * k, begins, ends)
+    exact = (ends - begins) ** 2 - np.sin(now) * slope
+    assert by_tangents == pytest.approx(exact, abs=1e-9)
+    assert by_adjoint.by['k'] == pytest.approx(by_tangents, rel=1e-12)
 
 
 def test_several_corners_in_one_step() -> None:
