@@ -121,7 +121,7 @@ def test_an_acceleration_that_jumps(integrator: str, off_by: float, t: float) ->
 
 @pytest.mark.parametrize('integrator', ['dop853', 'dop853_adaptive'])
 def test_derivatives_where_an_acceleration_jumps(integrator: str) -> None:
-    """Steps end there, also those of tangents and of the adjoint."""
+    """Steps end there also where tangents follow them, or the adjoint."""
     begins, ends, k, h = 0.10037, 0.3, 5.0, 1e-2
     scene = cart(f'k*max(t - {begins}, 0)**2', step=5e-3, integrator=integrator)
     by_adjoint = gradient(scene, 'final(points.A.x)', ['k'], ends)
