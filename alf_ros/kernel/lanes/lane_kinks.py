@@ -83,8 +83,8 @@ def clear_of_instants(of: Problem, crew: LaneCrew, progress: LaneProgress, h: fl
 
 @inner
 def end_at_instants(of: Problem, crew: LaneCrew, progress: LaneProgress, h: float) -> None:
-    """Let no kink over time be within what is left of the steps of the grid of h (s): of these
-    `progress` has begins and lengths. It puts them onto the sides of kinks that are near, too."""
+    """Let steps end before kinks over time: `progress` has their begins and lengths to the next
+    point of the grid of h (s). They are put onto the sides of kinks that are near, too."""
     for m in range(ZERO, np.uint64(crew.problem.size)):
         instants = struct_at(of, crew.problem[m]).forces.kinks.instants
         t, left = lane(progress.begin, ZERO, m), lane(progress.left, ZERO, m)
