@@ -99,6 +99,7 @@ def test_a_trace_has_the_slopes_of_dual_numbers() -> None:
         Q[1] += math.hypot(q[0], q[3]) * max(q[1], 3 * q[2]) + (1 - abs(qd[0])) * t
         if q[2] > 0.0:
             Q[2] -= math.sin(qd[1]) ** 2 * params[1]
+        Q[3] += max(qd[0], qd[1] * q[1], 0.2) - min(1, q[1], q[2], params[0])
         Q[1] += 2.0 * Q[2] + Q[1] * q[1]
 
     q, qd = np.array([0.0, 1.5, 0.7, 0.0]), np.array([-0.3, 0.4, 0.0, 0.0])
@@ -115,7 +116,7 @@ def test_a_trace_has_the_slopes_of_dual_numbers() -> None:
     given = (*of_state, Q, made, along, words, slopes)
     address = traced_force(force).address
     ctypes.CFUNCTYPE(*types)(address)(0.5, *(each.ctypes.data for each in given))
-    assert 0 < words[0] < 12  # operations on one number are not written down
+    assert 0 < words[0] < 14  # operations on one number are not written down
     for direction in np.eye(leaves)[:9]:
         moves = np.concatenate([direction, np.zeros(room)])
         for k in range(words[0]):
@@ -131,6 +132,7 @@ def test_a_trace_has_the_slopes_of_dual_numbers() -> None:
         duals(0.5, *(each.ctypes.data for each in alike))
         np.testing.assert_allclose(found, dQ, rtol=1e-14, atol=1e-15)
         np.testing.assert_array_equal(Q, beside)
+        assert dQ[3] == direction[5] * q[1] + direction[1] * qd[1] - direction[2]
 
 
 def test_a_function_without_derivative_is_refused() -> None:

@@ -183,6 +183,7 @@ def force(t, q, qd, near, slots, params, Q):
 KINKS = {
     'if': 'params[at] * (-0.8 - x) if x < -0.8 else 0.0',
     'max': 'params[at] * max(0.0, -0.8 - x)',
+    'max of three': 'params[at] * max(-0.1, 0.0, -0.8 - x)',
     'abs': '0.5 * params[at] * (abs(0.8 + x) - 0.8 - x)',
     'floor': '-params[at] * (x + 0.8) * min(1, abs(math.floor((x + 0.8) / 9)))',
 }

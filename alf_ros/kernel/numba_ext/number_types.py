@@ -128,3 +128,20 @@ def _defined(functions: tuple[Any, ...], options: dict[str, Any], matching: _Mat
     for function in functions:
         overload(function, strict=False, jit_options=options)(matching)
     return matching
+
+
+def _of_more(function: Callable[..., Any]) -> None:
+    """max and min of three numbers or more are such of two, again and again."""
+
+    def matching(x: Any, y: Any, z: Any, *more: Any) -> Any:
+        kinds = x, y, z, *more
+        numbers = all(isinstance(kind, (NumberType, *PLAIN)) for kind in kinds)
+        if numbers and any(isinstance(kind, NumberType) for kind in kinds):
+            return lambda x, y, z, *more: function(function(x, y), z, *more)
+        return None
+
+    called_for(function)(matching)
+
+
+_of_more(max)
+_of_more(min)
