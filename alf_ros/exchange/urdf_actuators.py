@@ -22,7 +22,7 @@ _ENDS = ('min', 'max')  # of commands
 
 def initial_positions(xml: ElementTree.Element) -> dict[str, list[ElementTree.Element]]:
     """The `initial_value` of the position of each joint in <ros2_control>: its elements, several
-    if the joint is there several times."""
+    if the file names the joint several times."""
     found: dict[str, list[ElementTree.Element]] = {}
     for joint in xml.findall('ros2_control/joint'):
         for state in joint.findall('state_interface'):

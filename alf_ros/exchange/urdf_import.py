@@ -208,7 +208,7 @@ class UrdfReader:
 
     def drawn(self, given: Mapping[str, float]) -> dict[str, float]:
         """Positions of joints: given, from <ros2_control>, and from mimics. Raises InputError."""
-        positions = self._initial() | given
+        positions = {**self._initial(), **given}
         for name in self.mimics:
             x = self.mimicked(name, positions)
             if name in given and abs(given[name] - x) > _OFF:

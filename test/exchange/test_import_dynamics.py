@@ -236,7 +236,7 @@ def test_motors_of_a_urdf(tmp_path: Path) -> None:
 def test_initial_values_that_do_not_count_are_listed(
     added: str, line: str, tmp_path: Path
 ) -> None:
-    """Of a joint that another one moves, and of a joint that is there twice. They were ignored."""
+    """Of a joint that another one moves, and one of two for a joint. They were ignored."""
     source = saved(tmp_path, 'it.urdf', finger(2.0, 0.1, CONTROL + added))
     text = imported(source, scene=True)
     assert 'one at 0.4, two at 0.9' in text
