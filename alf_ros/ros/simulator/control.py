@@ -218,7 +218,8 @@ class Control:
         self.run.end_tick()
         setup = self.run.setup
         before = setup.simulation.state
-        state, step, q = self._saved.find(name, setup.scene, before)
+        formulation = setup.simulation.solver.formulation
+        state, step, q = self._saved.find(name, setup.scene, before, formulation)
         state = on_grid(state, step, setup.simulation.h)
         try:
             setup.simulation.restore(state)
