@@ -53,6 +53,8 @@ _USED = (
     ),
     *('actuator_gainprm', 'actuator_biasprm', 'actuator_damping', 'actuator_armature'),
 )
+_OF_DOFS = ('damping', 'frictionloss', 'armature')
+_OF_TENDONS = ('stiffness', 'damping', 'frictionloss')
 _KINDS = {
     'sensor': 'sensors',
     'key': 'keyframes',
@@ -82,6 +84,8 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
         mjcf_actuators.reflect(mujoco, model)
         off = mjcf_switches.turn_off(mujoco, model)
         mjcf_switches.override(mujoco, model)
+        if _has_negative(mujoco, model):
+            mjcf_nan.check_signs(path)
         robot = _Reader(mujoco, model, str(path), positions, key).robot
     except UnicodeDecodeError as error:  # MuJoCo takes any bytes as names
         raise InputError(f'a name is not UTF-8: {error.object!r}', file=str(path)) from None
@@ -117,6 +121,17 @@ def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
     if not np.all(np.abs(model.opt.gravity) <= LARGEST):
         mjcf_nan.check_size(path)
     return model, lighter
+
+
+def _has_negative(mujoco: Any, model: Any) -> bool:
+    """Whether a force on a hinge, a slide or a tendon has a sign that no motion has."""
+    kinds = mujoco.mjtJoint
+    single = np.isin(model.jnt_type, (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE))
+    dofs = model.jnt_dofadr[single]
+    of_joints = (getattr(model, f'dof_{key}')[dofs] for key in _OF_DOFS)
+    of_tendons = (getattr(model, f'tendon_{key}') for key in _OF_TENDONS)
+    each = (model.jnt_stiffness[single], *of_joints, *of_tendons)
+    return any(bool(np.any(array < 0.0)) for array in each)
 
 
 def _hold(model: Any) -> None:

@@ -21,6 +21,7 @@ WARNING = "'NaN'"  # in what MuJoCo says then
 # names, of the element itself and of others, which may be `nan`
 _NAMES = ('name', 'model', 'mesh', 'material', 'hfield', 'texture', 'file', 'target')
 _NAMED = re.compile(r'(child)?class|\w*(site|body|geom|joint|tendon)[12]?|(ref|obj)name')
+_NOT_NEGATIVE = ('stiffness', 'damping', 'frictionloss', 'armature')
 _MOVE_NOTHING = ('user', 'data')  # numbers for programs of the user
 
 
@@ -44,6 +45,15 @@ def check_friction(path: Path) -> None:
             raise _error(path, element, 'friction')
         if any(map(_is_negative, words)):
             raise _error(path, element, 'friction', 'a negative coefficient')
+
+
+def check_signs(path: Path) -> None:
+    """Refuse the first negative stiffness, damping, friction or armature. Raises InputError."""
+    for element in _elements(path, path.parent, set()):
+        for key in _NOT_NEGATIVE:
+            linear = element.get(key, '').split()[:1]  # the others are of square and cube
+            if any(map(_is_negative, linear)):
+                raise _error(path, element, key, 'a negative number')
 
 
 def check_size(path: Path) -> None:

@@ -20,14 +20,15 @@ _CONSTANTS = ('motorTorqueConstant', 'motor_torque_constant')  # N m per ampere
 _ENDS = ('min', 'max')  # of commands
 
 
-def initial_positions(xml: ElementTree.Element) -> dict[str, ElementTree.Element]:
-    """The `initial_value` of the position of each joint in <ros2_control>: its element."""
-    found = {}
+def initial_positions(xml: ElementTree.Element) -> dict[str, list[ElementTree.Element]]:
+    """The `initial_value` of the position of each joint in <ros2_control>: its elements, several
+    if the file names the joint several times."""
+    found: dict[str, list[ElementTree.Element]] = {}
     for joint in xml.findall('ros2_control/joint'):
         for state in joint.findall('state_interface'):
             for each in state.findall('param'):
                 if state.get('name') == 'position' and each.get('name') == 'initial_value':
-                    found[joint.get('name', '')] = each
+                    found.setdefault(joint.get('name', ''), []).append(each)
     return found
 
 

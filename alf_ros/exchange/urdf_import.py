@@ -208,17 +208,34 @@ class UrdfReader:
 
     def drawn(self, given: Mapping[str, float]) -> dict[str, float]:
         """Positions of joints: given, from <ros2_control>, and from mimics. Raises InputError."""
-        positions = {}
-        for name, at in urdf_actuators.initial_positions(self.xml).items():
-            if name in self.joints and self.joints[name].type in _MOVES:
-                positions[name] = float(numbers(at.text or '', 1, self.error, name, at)[0])
-        positions |= given
+        positions = {**self._initial(), **given}
         for name in self.mimics:
             x = self.mimicked(name, positions)
             if name in given and abs(given[name] - x) > _OFF:
                 message = f'{name!r} mimics {self.mimics[name][0]!r}, which has it at {x:.9g}'
                 raise InputError(message, key='--set or side file', value=given[name])
         return positions | {name: self.mimicked(name, positions) for name in self.mimics}
+
+    def _initial(self) -> dict[str, float]:
+        """Positions (rad, m) that <ros2_control> gives joints with one coordinate."""
+        found = {}
+        for name, several in urdf_actuators.initial_positions(self.xml).items():
+            if name not in self.joints:
+                continue
+            first, *others = (
+                float(numbers(at.text or '', 1, self.error, name, at)[0]) for at in several
+            )
+            if self.joints[name].type in _MOVES:
+                found[name] = first
+            elif first:
+                self.robot.leave('positions of joints', name)
+            if any(each != first for each in others):
+                self.robot.leave('attributes that disagree', f'initial_value of {name}')
+        for name in self.mimics:
+            x = self.mimicked(name, found)
+            if abs(found.get(name, x) - x) > _OFF:
+                self.robot.leave('positions of joints', name)
+        return found
 
     def mimicked(self, name: str, positions: Mapping[str, float]) -> float:
         """Where a joint is (rad, m), from the positions of those that do not mimic, however long

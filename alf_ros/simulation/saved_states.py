@@ -17,6 +17,7 @@ from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.applied import Inputs, Target, Wrench
+from alf_ros.simulation.formulations import check_going_on
 from alf_ros.simulation.input_checks import MOST_STEPS, is_number
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
@@ -177,6 +178,7 @@ class SavedStates:
             'alf_ros_state': FORMAT,
             'scene': scene.name,
             'mechanism_sha256': _digest(scene),
+            'formulation': simulation.solver.formulation,
             'step_s': simulation.h,
             't': simulation.t,
             'state': as_data(simulation.state),
@@ -194,9 +196,12 @@ class SavedStates:
             raise InputError(text, key='state.folder', value=str(path)) from None
         return f'in {path}'
 
-    def find(self, name: str, scene: Scene, like: State) -> tuple[State, float, list[float]]:
+    def find(
+        self, name: str, scene: Scene, like: State, formulation: str | None = None
+    ) -> tuple[State, float, list[float]]:
         """The state, the step (s) it was reached with, and its coordinates in the order of the
-        file. Raises InputError if there is none of this name for this mechanism."""
+        file. Raises InputError if there is none of this name for this mechanism, or one from which
+        `formulation` cannot continue."""
         path = self._path(scene, name)
         document = self._kept.get((scene.name, name))
         if document is None and path is not None and path.is_file():
@@ -214,6 +219,9 @@ class SavedStates:
                 raise ValueError('of another format')
             if whole.get('mechanism_sha256') != _digest(scene):
                 raise ValueError('of another mechanism')
+            known = whole.get('formulation')  # files of earlier versions have none
+            if formulation is not None and known is not None:
+                check_going_on(str(known), formulation)
             state = from_data(whole.get('state'), like)
             q = whole.get('q')
             if not isinstance(q, list) or not all(map(is_number, q)):

@@ -12,6 +12,7 @@ from typing import Any
 from alf_ros.errors import InputError, StepError
 from alf_ros.scene.effect_values import with_effect_values
 from alf_ros.scene.scene import PICKED, Scene, Solver, joined
+from alf_ros.simulation.formulations import check_going_on
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 
@@ -119,9 +120,12 @@ def remade(
 def continued(before: Setup, new: Setup) -> Setup:
     """`new`, which was `remade` from `before`, at the present state of `before`.
 
-    Raises InputError if the time is not a whole number of the new steps.
+    Raises InputError if the time is not a whole number of the new steps, and if the formulation
+    of `new` cannot continue from that state.
     """
     if new.simulation is not before.simulation:
+        solvers = before.simulation.solver, new.simulation.solver
+        check_going_on(*(each.formulation for each in solvers))
         state = before.simulation.state
         new.simulation.restore(on_grid(state, before.simulation.h, new.simulation.h))
         with suppress(StepError):

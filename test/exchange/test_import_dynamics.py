@@ -220,6 +220,31 @@ def test_motors_of_a_urdf(tmp_path: Path) -> None:
         assert ('one at 0.4, two at 0.9' in text) == gains
 
 
+@pytest.mark.parametrize(
+    ('added', 'line'),
+    [
+        (CONTROL.replace('0.4', '0.7'), 'attributes that disagree: the first one counts: '),
+        (CONTROL, ''),
+        (
+            CONTROL.replace('"one"', '"two"'),
+            'positions of joints: the bodies start as drawn, not there: two',
+        ),
+        (CONTROL.replace('"one"', '"two"').replace('0.4', '0.9'), ''),
+        (CONTROL.replace('"one"', '"three"'), ''),
+    ],
+)
+def test_initial_values_that_do_not_count_are_listed(
+    added: str, line: str, tmp_path: Path
+) -> None:
+    """Of a joint that another one moves, and one of two for a joint. They were ignored."""
+    source = saved(tmp_path, 'it.urdf', finger(2.0, 0.1, CONTROL + added))
+    text = imported(source, scene=True)
+    assert 'one at 0.4, two at 0.9' in text
+    kinds = ('positions of joints', 'attributes that disagree')
+    assert any(kind in text for kind in kinds) == bool(line)
+    assert f'#   {line}' in text
+
+
 def test_a_revolute_joint_without_limits_is_listed(tmp_path: Path) -> None:
     turning = finger(1.0, 0.0)
     text = imported(saved(tmp_path, 'it.urdf', turning.replace('continuous', 'revolute')))

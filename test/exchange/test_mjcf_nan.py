@@ -56,6 +56,26 @@ def test_a_number_that_cannot_be_has_its_line(source: str, told: str, tmp_path: 
     assert str(caught.value).startswith(f'{path}:{told}')
 
 
+@pytest.mark.parametrize(
+    ('key', 'value'),
+    [
+        ('damping', '-1'),
+        ('stiffness', '-2 0 1'),
+        ('armature', '-0.1'),
+        ('frictionloss', '-0.1'),
+    ],
+)
+def test_a_negative_number_has_its_line(key: str, value: str, tmp_path: Path) -> None:
+    """Also of a default. The line was about the mechanism, and did not say where."""
+    head = f'\n<default>\n<joint {key}="{value}"/></default>'
+    path = saved(tmp_path, 'it.xml', mjcf(head=head))
+    with pytest.raises(InputError) as caught:
+        imported(path, scene=True)
+    assert str(caught.value) == f'{path}:3: joint: {key}: a negative number, got {value!r}'
+    # one that no joint has moves nothing
+    imported(saved(tmp_path, 'it.xml', mjcf(head=head).replace('name="j"', f'{key}="0"')))
+
+
 def test_nan_in_a_file_that_is_included(tmp_path: Path) -> None:
     part = '<mujocoinclude>\n<body><joint/><geom size="0.1" mass="nan"/></body></mujocoinclude>'
     path = saved(tmp_path, 'part.xml', part)

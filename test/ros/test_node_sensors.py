@@ -82,7 +82,7 @@ def numbers(message) -> list[float]:
     return found
 
 
-def test_sensors_are_published_and_recorded(tmp_path: Path, peer) -> None:
+def test_sensors_are_published_and_recorded(tmp_path: Path, peer, capfd) -> None:
     (tmp_path / 'scene.yaml').write_text(SCENE)
     heard: dict[str, list[Any]] = {
         label: peer.listen(f'/simulator/{label}', kind) for label, kind in TYPES.items()
@@ -129,6 +129,10 @@ def test_sensors_are_published_and_recorded(tmp_path: Path, peer) -> None:
                 assert math.isnan(there.effort[0])
                 assert [there.position[0], there.velocity[0]] == numbers(message)
     assert main(['verify', str(node.logs[0])]) == 0
+    assert main(['fork', str(node.logs[0]), '--at', '0.01', '-o', str(tmp_path / 'fork')]) == 0
+    told = 'alf_ros fork: the new log has no messages of sensors ('
+    (line,) = [each for each in capfd.readouterr().err.splitlines() if 'of sensors' in each]
+    assert line.startswith(told) and all(label in line for label in TYPES)
 
 
 def test_nothing_is_recorded_that_was_switched_off(tmp_path: Path, capfd) -> None:
@@ -144,7 +148,9 @@ def test_nothing_is_recorded_that_was_switched_off(tmp_path: Path, capfd) -> Non
         topics = {connection.topic for connection in reader.connections}
     assert not {f'/simulator/{label}' for label in TYPES} & topics
     assert main(['verify', str(node.logs[0])]) == 0
-    assert 'of sensors' not in capfd.readouterr().out
+    assert main(['fork', str(node.logs[0]), '--at', '0.01', '-o', str(tmp_path / 'fork')]) == 0
+    said = capfd.readouterr()
+    assert 'of sensors' not in said.out + said.err
 
 
 def test_rates_above_the_ticks_are_told(tmp_path: Path) -> None:

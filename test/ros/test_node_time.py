@@ -4,6 +4,7 @@ import json
 import math
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rcl_interfaces.srv import SetParametersAtomically
@@ -127,8 +128,18 @@ def test_a_state_on_disk_serves_another_process_and_a_wrong_one_is_refused(tmp_p
         assert not refused.success and 'not a state of this scene' in refused.message
 
 
+def moved(document: dict[str, Any], factor: float) -> dict[str, Any]:
+    """A state with other positions, for whose lengths there is no place."""
+    state = document['state']
+    return {
+        'q': [factor * x for x in document['q']],
+        'state': state | {'q': [factor * x for x in state['q']]},
+    }
+
+
 def test_a_refused_state_changes_nothing(tmp_path, peer):
-    """One that no step can start from was refused, but the run continued from it."""
+    """One that no step can start from was refused, but the run continued from it. One whose
+    lengths are others was accepted, and the first step put the bodies somewhere."""
     heard, found = peer.listen('joint_states', JointState), Diagnostics(peer)
     states = {'state.folder': f'{tmp_path}/states', 'start_paused': True, 'step_count': 50}
     with SimulatorProcess(tmp_path, '--no-record', **states).wait_running() as node:
@@ -151,12 +162,16 @@ def test_a_refused_state_changes_nothing(tmp_path, peer):
                 'state': state | {'inputs': state['inputs'] | {'efforts': {'nothing': 1.0}}}
             },
             'short': {'state': state | {'qd': []}},
+            'zero': moved(good, 0.0),
+            'stretched': moved(good, 1.0001),
         }
+        told = dict.fromkeys(('zero', 'stretched'), 'its positions violate the constraints by ')
         for name, change_of in wrong.items():
             kept.with_name(f'{name}.json').write_text(json.dumps(good | change_of))
             assert change(peer, state__name=name) == ''
             refused = peer.call(Trigger, '/simulator/restore_state')
             assert not refused.success and 'Error' not in refused.message, name
+            assert told.get(name, '') in refused.message
             assert change(peer, state__name=f'after_{name}') == ''
             act(peer, 'save_state')
             assert json.loads(kept.with_name(f'after_{name}.json').read_text()) == good, name

@@ -16,12 +16,14 @@ from alf_ros.kernel import Phase
 from alf_ros.model.compile import Model
 from alf_ros.scene import scene
 from alf_ros.simulation import formulations
+from alf_ros.simulation import setup as settings
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.studies.exact import motions
 
 PENALTY = ('penalty', 'canonical')  # right up to 1/α
 ITERATED = ('alf1', 'alf2_as_printed')
 CLASSICAL = ('baumgarte', 'lagrange_canonical', 'independent')
+NAMES = ('alf2', *PENALTY, *ITERATED, *CLASSICAL)
 GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
 
 
@@ -376,6 +378,24 @@ def test_forces_from_outside_and_turns_are_counted(name: str) -> None:
 
 
 # ------------------------------------------------------------------------------------------- input
+
+
+@pytest.mark.parametrize('after', NAMES)
+@pytest.mark.parametrize('before', NAMES)
+def test_a_run_goes_on_with_another_formulation_or_is_refused(before: str, after: str) -> None:
+    """As many numbers were enough: momenta were taken for velocities, without a word."""
+    setup = settings.made(double_pendulum(), {'formulation': before, 'step': 1e-3}, 100.0)
+    setup.simulation.step(100)
+    try:
+        changed = settings.changed(setup, {'formulation': after}, {}, 100.0)
+    except InputError as error:
+        assert f'cannot go on from a state of {before}, which holds other numbers' in str(error)
+        assert setup.simulation.solver.formulation == before != after
+        return
+    for simulation in (setup.simulation, changed.simulation):
+        simulation.step(100)
+    found, wanted = (each.simulation.sample().points['B'] for each in (changed, setup))
+    assert found == pytest.approx(wanted, abs=1e-6)
 
 
 def test_names_are_those_of_the_solver() -> None:

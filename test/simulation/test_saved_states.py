@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from alf_ros import AlfError, InputError, Simulation
+from alf_ros import AlfError, InputError, Simulation, load_scene
 from alf_ros.effects.contract.trajectory import through
 from alf_ros.simulation.saved_states import SavedStates, as_data, from_data
 from support.full_disk import small_files
@@ -44,6 +44,18 @@ def test_a_saved_state_is_read_to_the_last_bit(folder: Path, sim: Simulation) ->
     state, step, q = SavedStates(folder).find(NAME, sim.scene, sim.state)
     assert bits(state) == bits(sim.state) and step == sim.h
     assert q == sim.sample().q.tolist()
+
+
+def test_a_state_of_momenta_is_none_of_velocities(tmp_path: Path) -> None:
+    """They are as many numbers, and were taken for each other."""
+    scene = load_scene('four_bar')
+    sim = Simulation(scene, formulation='lagrange_canonical')
+    saved = SavedStates(tmp_path)
+    saved.save(NAME, scene, sim)
+    for states in (saved, SavedStates(tmp_path)):
+        assert states.find(NAME, scene, sim.state, 'lagrange_canonical')[1] == sim.h
+        with pytest.raises(InputError, match='cannot go on from a state of lagrange_canonical'):
+            states.find(NAME, scene, sim.state, 'alf1')
 
 
 @pytest.mark.parametrize('there', [False, True], ids=['first', 'again'])

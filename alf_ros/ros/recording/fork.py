@@ -26,6 +26,7 @@ from alf_ros.scene.effect_values import effect_values
 from alf_ros.scene.scene import PICKED, Scene, joined
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation import state_vector
+from alf_ros.simulation.formulations import check_going_on
 from alf_ros.simulation.integral_sums import couplings_off, with_couplings_of
 from alf_ros.simulation.observables import READINGS
 from alf_ros.simulation.setup import Setup, on_grid, steps_per_tick
@@ -49,10 +50,11 @@ def fork(
     """Continue a log from its last instant up to `at` (s), for `duration` (s) or to its end.
 
     `changes` are changes for `scene.overrides`. The inputs that the log has from there on act at
-    the same times. `warn` is called with a text if the steps are too long, and if the scene of the
-    new log has no initial velocities. Returns the folder of the new log, made in `folder`. Raises
-    InputError for an impossible request, StepError if a step fails; the log is complete up to that
-    step. A log whose inputs are not the ones of its motion is refused.
+    the same times. `warn` is called with a text if the steps are too long, if the scene of the new
+    log has no initial velocities, and if the log has messages of sensors: the new one has none.
+    Returns the folder of the new log, made in `folder`. Raises InputError for an impossible
+    request, StepError if a step fails; the log is complete up to that step. A log whose inputs are
+    not the ones of its motion is refused.
     """
     if duration is not None:
         check.number(duration, '--duration', 0.0)
@@ -90,6 +92,8 @@ def fork(
         't': start,
         'changes': dict(changes),
     }
+    if measured := measuring(log, scene):
+        warn(f'the new log has no messages of sensors ({", ".join(measured)})')
     recorded = [r.name for r in READINGS.values() if log.topic(r.name) in log.survey.counts]
     setup = Setup(rerun.scene, simulation, steps)
     run = LogRun(
@@ -111,6 +115,12 @@ def fork(
         if rerun.trouble:
             warn(rerun.trouble)
     return run.recorder.folder
+
+
+def measuring(log: Log, scene: Scene) -> list[str]:
+    """The sensors of a scene that a log has messages of."""
+    labels = [each.label for each in scene.sensors]
+    return [label for label in labels if log.topic(f'~/{label}') in log.survey.counts]
 
 
 def _change(
@@ -154,11 +164,8 @@ def _change(
         state_vector.names(before.model, start),
         state_vector.names(after.model, after.state),
     ]
+    check_going_on(before.solver.formulation, after.solver.formulation)
     if names[0] != names[1]:
-        ways = before.solver.formulation, after.solver.formulation
-        if ways[0] != ways[1]:
-            text = f'cannot go on from a state of {ways[0]}, which holds other numbers'
-            raise InputError(text, key='--set solver.formulation', value=ways[1])
         raise InputError('the state of the log does not fit the changed scene', key='--set')
     if after.state.carried.size and scene.mechanism != rerun.scene.mechanism:
         text = f'{after.solver.formulation} cannot continue with another mechanism'

@@ -52,6 +52,20 @@ _KINDS = {
 NAMES = tuple(_KINDS)
 
 
+def check_going_on(before: str, after: str) -> None:
+    """Raise InputError if the state y of one formulation is not one of another: velocities are no
+    momenta, although they are as many numbers."""
+    if before != after and (_start_of(before) is None or _start_of(before) != _start_of(after)):
+        text = f'cannot go on from a state of {before}, which holds other numbers'
+        raise InputError(text, key='solver.formulation', value=after)
+
+
+def _start_of(name: str) -> Any:
+    """The function that makes the first state y; None for alf2, which has none."""
+    kind = _KINDS.get(name)
+    return None if kind is None else importlib.import_module(f'{__name__}.{kind.file}').start
+
+
 class Formulation:
     """The formulation that a solver names, prepared for a mechanism.
 
