@@ -441,8 +441,8 @@ def test_a_store_that_is_removed_while_a_study_runs(whole, tmp_path: Path) -> No
             mine.put(chunk)
 
 
-def test_what_else_becomes_of_a_store_while_a_study_runs(whole, tmp_path: Path) -> None:
-    """A file in its place kept all that was finished, it was said; a new folder was written into;
+def test_a_store_that_loses_a_part_or_its_place_ends_the_study(whole, tmp_path: Path) -> None:
+    """With a file in its place the line promised finished members; a new folder was written into;
     and a removed array was made again, without the chunks before."""
     _, study, _, store = whole
     with EnsembleStore(store, study) as opened:
