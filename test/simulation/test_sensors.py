@@ -146,6 +146,36 @@ def test_an_encoder_counts_and_is_late() -> None:
     assert sensors.read(simulation.sample())['encoder']['position'].tolist() == [0.0]
 
 
+def test_a_delay_may_end_between_samples() -> None:
+    """The encoder of a driven rack sent the position of the sample before that instant."""
+    count, turn, radius = 1e-4, '40*t + 0.3*sin(5*t)', 0.05
+    sensors = {
+        'exact': {'joint': 'guide', 'delay': 0.0075},
+        'counted': {'joint': 'guide', 'delay': 0.0023, 'resolution': count},
+        'whole': {'joint': 'axle', 'delay': 0.015},
+    }
+    scene = load_scene(
+        {
+            'mechanism': 'rack_and_pinion',
+            'drives': {'turn': {'joint': 'axle', 'angle': turn}},
+            'sensors': {'encoder': sensors},
+        }
+    )
+
+    def angle(t: float) -> float:
+        return 40.0 * max(t, 0.0) + 0.3 * math.sin(5.0 * max(t, 0.0))
+
+    simulation, read = Simulation(scene, step=1e-3, integrator='rk4'), Sensors(scene)
+    for sample in simulation.run(2.0, every=5):
+        found = read.read(sample)
+        late = radius * angle(sample.t - 0.0075)
+        assert found['encoder/exact']['position'] == pytest.approx([late], abs=1e-8)
+        late = radius * angle(sample.t - 0.0023)
+        assert -1e-8 <= late - found['encoder/counted']['position'] < count + 1e-8
+        late = angle(sample.t - 0.015)
+        assert found['encoder/whole']['position'] == pytest.approx([late], abs=1e-11)
+
+
 def test_an_encoder_forgets_a_run_that_does_not_go_on() -> None:
     """It continued with positions of the run before, where a later state was restored."""
     scene = pendulum(encoder={'joint': 'pin', 'delay': 0.05})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import socket
 import threading
 from collections.abc import Iterator
@@ -11,11 +12,13 @@ from typing import Any
 
 import pytest
 
+from alf_ros.digest import digest_now
 from alf_ros.errors import AlfError, InputError
 from alf_ros.studies.ensemble import cluster
 from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
+from support.paths import ROOT
 
 distributed = pytest.importorskip('distributed')
 
@@ -100,6 +103,22 @@ def test_a_worker_with_other_code_is_named(
     said = r'the worker tcp://127\.0\.0\.1:\d+ has another version'
     with pytest.raises(InputError, match=said):
         list(cluster.Cluster(here.scheduler_address).chunks(study, [0]))
+
+
+@pytest.mark.parametrize('file', ['splines.py', 'columns.py', 'inspection/run.py'])
+def test_all_code_of_the_package_counts(
+    file: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A worker with another one of these modules mixed its members in without a word."""
+    package = tmp_path / 'alf_ros'
+    shutil.copytree(ROOT / 'alf_ros', package, ignore=shutil.ignore_patterns('__pycache__'))
+    monkeypatch.setattr('alf_ros.digest._PACKAGE', package)
+    monkeypatch.setattr(cluster, 'digest', digest_now)
+    before = cluster._made_of()
+    assert cluster._made_of() == before
+    with (package / file).open('a', encoding='utf-8') as text:
+        text.write('# changed')
+    assert cluster._made_of() != before
 
 
 def test_members_that_kill_their_workers_are_named(

@@ -16,7 +16,7 @@ import pytest
 import alf_ros
 from alf_ros import InputError
 from alf_ros.__main__ import main
-from alf_ros.studies.ensemble.chunk import run_chunk
+from alf_ros.studies.ensemble.chunk import REASON, run_chunk
 from alf_ros.studies.ensemble.crews import ThisProcess
 from alf_ros.studies.ensemble.ensemble import conduct
 from alf_ros.studies.ensemble.store import EnsembleStore
@@ -439,3 +439,30 @@ def test_a_store_that_is_removed_while_a_study_runs(whole, tmp_path: Path) -> No
         (tmp_path / 'it.zarr').rename(tmp_path / 'other.zarr')
         with pytest.raises(InputError, match='it has been removed or renamed while the study'):
             mine.put(chunk)
+
+
+def test_a_store_that_loses_a_part_or_its_place_ends_the_study(whole, tmp_path: Path) -> None:
+    """With a file in its place the line promised finished members; a new folder was written into;
+    and a removed array was made again, without the chunks before."""
+    _, study, _, store = whole
+    with EnsembleStore(store, study) as opened:
+        first, second, *_ = opened.finished()
+    folder = tmp_path / 'it.zarr'
+    with EnsembleStore(folder, study) as mine:
+        mine.put(first)
+        array = folder / REASON.name
+        array.rename(tmp_path / 'array')
+        with pytest.raises(InputError, match='a part of it has been removed or renamed while'):
+            mine.put(second)
+        assert not array.exists()
+        (tmp_path / 'array').rename(array)
+        mine.put(second)
+        folder.rename(tmp_path / 'other.zarr')
+        folder.mkdir()
+        with pytest.raises(InputError, match='it has been removed or renamed while the study'):
+            mine.put(second)
+        assert not list(folder.iterdir())
+        folder.rmdir()
+        folder.write_text('a file', 'utf-8')
+        with pytest.raises(InputError, match='it has been removed or renamed while the study'):
+            mine.put(second)

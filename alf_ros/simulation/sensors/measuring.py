@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -232,6 +232,14 @@ class _Acceleration(_Measure):
         }
 
 
+class _Instant(NamedTuple):
+    """The motion of a joint coordinate at t (s): rad or m, and per s."""
+
+    t: float
+    position: float
+    velocity: float
+
+
 class _Encoder(_Measure):
     def __init__(self, scene: Scene, sensor: Sensor) -> None:
         super().__init__(scene, sensor)
@@ -241,7 +249,7 @@ class _Encoder(_Measure):
 
     def forget(self) -> None:
         """Begin without a past."""
-        self._past: deque[tuple[float, float]] = deque()  # of the last delay, and one before
+        self._past: deque[_Instant] = deque()  # of the last delay, and one before
         self._last = (math.nan, 0.0)  # time and result of the last measurement
 
     def remember(self, before: _Encoder) -> None:
@@ -250,18 +258,18 @@ class _Encoder(_Measure):
 
     def follow(self, sample: Sample) -> None:
         """Remember a position; at an earlier time than the last one, forget those before."""
-        if self._past and sample.t <= self._past[-1][0] - _SAME:
+        if self._past and sample.t <= self._past[-1].t - _SAME:
             self._past.clear()
-        if not self._past or sample.t > self._past[-1][0] + _SAME:
-            self._past.append((sample.t, self._position(sample)))
-        while len(self._past) > 1 and self._past[1][0] <= sample.t - self.delay + _SAME:
+        if not self._past or sample.t > self._past[-1].t + _SAME:
+            self._past.append(self._instant(sample))
+        while len(self._past) > 1 and self._past[1].t <= sample.t - self.delay + _SAME:
             self._past.popleft()
 
     def __call__(self, sample: Sample) -> Measurement:
-        position = self._position(sample)
+        position = self._instant(sample).position
         if self.delay:
             self.follow(sample)
-            position = self._past[0][1]
+            position = self._remembered(sample.t - self.delay)
         count = self._said.resolution
         position = position if count is None else _whole(position, count)
         before, last = self._last
@@ -269,10 +277,25 @@ class _Encoder(_Measure):
         rate = (position - last) / (sample.t - before) if sample.t > before else 0.0
         return {'position': np.array([position]), 'velocity': np.array([rate])}
 
-    def _position(self, sample: Sample) -> float:
+    def _remembered(self, t: float) -> float:
+        """The position at t (s), between the first two instants of the past; or the first one."""
+        first = self._past[0]
+        return first.position if t <= first.t + _SAME else _between(first, self._past[1], t)
+
+    def _instant(self, sample: Sample) -> _Instant:
         if self._place is None:
             self._place = sample.model.coordinate_names.index(self._said.joint)
-        return float(sample.joint_positions[self._place])
+        position, velocity = sample.joint_positions, sample.joint_velocities
+        return _Instant(sample.t, float(position[self._place]), float(velocity[self._place]))
+
+
+def _between(a: _Instant, b: _Instant, t: float) -> float:
+    """The position at t (s), on the cubic of Hermite through both instants."""
+    h = b.t - a.t
+    u = (t - a.t) / h
+    way = b.position - a.position
+    bend = (1.0 - u) * (a.velocity * h - way) - u * (b.velocity * h - way)
+    return a.position + u * (way + (1.0 - u) * bend)
 
 
 def _whole(position: float, count: float) -> float:

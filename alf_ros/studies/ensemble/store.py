@@ -175,6 +175,9 @@ class EnsembleStore:
     def put(self, chunk: Chunk) -> None:
         """Keep a chunk: it counts when this returns. Raises InputError if it cannot be written."""
         self.begin()
+        for folder in (self._hidden, *(self.folder / name for name in self._variables)):
+            if not folder.is_dir():  # otherwise it would be made again, without earlier chunks
+                raise self._removed()
         with self._writing():
             digests = {}
             for name, variable in self._variables.items():
@@ -222,14 +225,18 @@ class EnsembleStore:
         try:
             yield
         except OSError as error:
-            message = f'cannot be written: {error.strerror or error}; what is finished is kept'
             if isinstance(error, FileNotFoundError) and not self._hidden.exists():
-                message = 'it has been removed or renamed while the study ran'
+                raise self._removed() from None
             raise InputError(
-                message,
+                f'cannot be written: {error.strerror or error}; what is finished is kept',
                 key='store',
                 value=str(self.folder),
             ) from None
+
+    def _removed(self) -> InputError:
+        what = 'a part of it' if self._hidden.is_dir() else 'it'
+        message = f'{what} has been removed or renamed while the study ran'
+        return InputError(message, key='store', value=str(self.folder))
 
 
 class Memory:
