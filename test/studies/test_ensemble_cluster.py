@@ -14,7 +14,7 @@ import pytest
 
 from alf_ros.digest import digest_now
 from alf_ros.errors import AlfError, InputError
-from alf_ros.studies.ensemble import cluster
+from alf_ros.studies.ensemble import cluster, store
 from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
@@ -98,7 +98,7 @@ def test_a_worker_with_other_code_is_named(
 ) -> None:
     """Of hundreds of workers, nobody knew which one to mend."""
     made_of = iter([{'numpy': '2.0'}, {'numpy': '1.0'}])  # here, and on the worker
-    monkeypatch.setattr(cluster, '_made_of', made_of.__next__)
+    monkeypatch.setattr(cluster, 'versions', made_of.__next__)
     here.scale(1)
     said = r'the worker tcp://127\.0\.0\.1:\d+ has another version'
     with pytest.raises(InputError, match=said):
@@ -113,12 +113,12 @@ def test_all_code_of_the_package_counts(
     package = tmp_path / 'alf_ros'
     shutil.copytree(ROOT / 'alf_ros', package, ignore=shutil.ignore_patterns('__pycache__'))
     monkeypatch.setattr('alf_ros.digest._PACKAGE', package)
-    monkeypatch.setattr(cluster, 'digest', digest_now)
-    before = cluster._made_of()
-    assert cluster._made_of() == before
+    monkeypatch.setattr(store, 'digest', digest_now)
+    before = store.versions()
+    assert store.versions() == before
     with (package / file).open('a', encoding='utf-8') as text:
         text.write('# changed')
-    assert cluster._made_of() != before
+    assert store.versions() != before
 
 
 def test_members_that_kill_their_workers_are_named(

@@ -157,10 +157,14 @@ def test_another_study_or_other_versions_or_something_else_is_left_as_it_is(whol
     with EnsembleStore(old, study):
         pass
     manifest = json.loads((old / '.alf_ros' / 'manifest.json').read_text())
-    manifest['versions']['numpy'] = '1.0'
-    (old / '.alf_ros' / 'manifest.json').write_text(json.dumps(manifest))
-    with pytest.raises(InputError, match=r"^store\.numpy: the store of other versions, got '"):
-        conduct(study, old, ThisProcess())
+    for name in ('numpy', 'sources'):
+        versions = manifest['versions'] | {name: '1.0'}
+        text = json.dumps(manifest | {'versions': versions})
+        (old / '.alf_ros' / 'manifest.json').write_text(text)
+        with pytest.raises(
+            InputError, match=rf"^store\.{name}: the store of other versions, got '"
+        ):
+            conduct(study, old, ThisProcess())
     (old / '.alf_ros' / 'manifest.json').write_text('{')
     with pytest.raises(InputError, match='its manifest cannot be read'):
         conduct(study, old, ThisProcess())

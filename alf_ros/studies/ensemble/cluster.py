@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
-from alf_ros.digest import digest
 from alf_ros.errors import AlfError, InputError
 from alf_ros.studies.ensemble.chunk import Chunk, run_chunk
 from alf_ros.studies.ensemble.crews import MOST_DEATHS
@@ -32,18 +31,12 @@ _LONGEST_SAID = 200  # characters of what a worker said
 _LOOKING = 0.05  # s between two looks for finished chunks
 
 
-def _made_of() -> dict[str, str]:
-    """The code and the libraries here. Of the whole package: a list of folders would miss others
-    that a member comes to need."""
-    return {**versions(), 'sources': digest('.')}
-
-
 def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
     """A chunk, in the process of a worker. Raises InputError for other code or libraries.
 
     Each chunk has a study of its own: a worker may have several threads.
     """
-    here = _made_of()
+    here = versions()
     for name, version in wanted.items():
         if here[name] != version:
             raise InputError(
@@ -92,7 +85,7 @@ class Cluster:
 
     def chunks(self, study: Study, numbers: Sequence[int]) -> Iterator[Chunk]:
         """The chunks of these numbers as they are done."""
-        pickled, wanted = pickle.dumps(study, protocol=4), _made_of()
+        pickled, wanted = pickle.dumps(study, protocol=4), versions()
         waiting, deaths = list(reversed(numbers)), dict.fromkeys(numbers, 0)
         running: dict[Any, int] = {}
         done = self._distributed.as_completed(loop=self._client.loop, raise_errors=False)

@@ -24,6 +24,7 @@ from typing import IO, Any
 import numpy as np
 
 from alf_ros import paths
+from alf_ros.digest import digest
 from alf_ros.errors import InputError
 from alf_ros.resources import version
 from alf_ros.studies.ensemble import zarr_format
@@ -36,8 +37,10 @@ _LIBRARIES = ('numpy', 'scipy', 'numba', 'llvmlite')
 
 
 def versions() -> dict[str, str]:
-    """Of all that may change a bit of a member."""
-    return {'alf_ros': version(), **{name: metadata.version(name) for name in _LIBRARIES}}
+    """Of all that may change a bit of a member. `sources`: a digest of the whole package, as a
+    list of its folders would miss others that a member comes to need."""
+    libraries = {name: metadata.version(name) for name in _LIBRARIES}
+    return {'alf_ros': version(), 'sources': digest('.'), **libraries}
 
 
 class EnsembleStore:
