@@ -161,6 +161,7 @@ class _Reader:
         for kind in ('qpos', 'qvel', 'act', 'ctrl'):
             if not np.all(np.abs(getattr(self.data, kind)) <= most):
                 mjcf_nan.check_size(Path(file))
+                mjcf_nan.check_states(Path(file), most)
                 raise InputError('not usable numbers', file=file, key=kind)
         self._set(positions)
         mjcf_equalities.draw(mujoco, self.data, self.joints, positions)

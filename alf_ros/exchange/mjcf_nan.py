@@ -23,6 +23,7 @@ _NAMES = ('name', 'model', 'mesh', 'material', 'hfield', 'texture', 'file', 'tar
 _NAMED = re.compile(r'(child)?class|\w*(site|body|geom|joint|tendon)[12]?|(ref|obj)name')
 _NOT_NEGATIVE = ('stiffness', 'damping', 'frictionloss', 'armature')
 _MOVE_NOTHING = ('user', 'data')  # numbers for programs of the user
+_OF_STATES = ('qpos', 'qvel', 'act', 'ctrl', 'ref', 'pos')
 
 
 def check(path: Path) -> None:
@@ -65,7 +66,15 @@ def check_size(path: Path) -> None:
                 continue
             if key == 'size' and element.get('type') == 'plane':
                 continue
-            if any(map(_is_too_large, value.split())):
+            if any(_is_beyond(LARGEST, word) for word in value.split()):
+                raise _error(path, element, key, 'not a usable number')
+
+
+def check_states(path: Path, most: float) -> None:
+    """Refuse the first number of a state that is larger. Raises InputError."""
+    for element in _elements(path, path.parent, set()):
+        for key in _OF_STATES:
+            if any(_is_beyond(most, word) for word in element.get(key, '').split()):
                 raise _error(path, element, key, 'not a usable number')
 
 
@@ -99,9 +108,9 @@ def _is_nan(word: str) -> bool:
         return False
 
 
-def _is_too_large(word: str) -> bool:
+def _is_beyond(most: float, word: str) -> bool:
     try:
-        return abs(float(word)) > LARGEST
+        return abs(float(word)) > most
     except ValueError:
         return False
 

@@ -56,6 +56,7 @@ class SdfJoints:
     ) -> None:
         self._robot, self._frames, self._short = robot, frames, short
         self._joints, self._held = joints, held
+        self._mimicked: dict[str, str] = {}  # by joint, the one that it mimics
 
     def connection(
         self, scope: str, element: ElementTree.Element, parent: str, child: str
@@ -173,8 +174,11 @@ class SdfJoints:
         """x = multiplier (other - reference) + offset, of a joint with one axis."""
         error = self._robot.error
         other = self._frames.find(element.get('joint', ''), scope, element)
-        if self._short(other) == name:
-            raise error(name, 'it mimics itself', element)
+        driver: str | None = self._short(other)
+        while driver is not None:
+            if driver == name:
+                raise error(name, 'it mimics itself', element)
+            driver = self._mimicked.get(driver)
         kinds = [kind_of(each) for at, each in self._joints if at + name_of(each, error) == other]
         single = kinds[:1] in (['revolute'], ['continuous'], ['prismatic'])
         if not single or element.get('axis', 'axis') != 'axis':
@@ -188,6 +192,7 @@ class SdfJoints:
             self._robot.leave('phase of mimic', name)
         moves = factor != 0.0 and other not in self._held
         of = {name: 1.0} | ({self._short(other): -factor} if moves else {})
+        self._mimicked[name] = self._short(other)
         self._robot.couplings.append(Coupled(f'{name}_mimic', of))
 
     def _pitch(self, element: ElementTree.Element, name: str) -> float:

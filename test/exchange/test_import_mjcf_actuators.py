@@ -324,12 +324,10 @@ def test_one_infinite_end_of_a_tendon(tmp_path: Path) -> None:
 @pytest.mark.parametrize('kind', ['qpos', 'qvel', 'ctrl'])
 def test_a_keyframe_with_numbers_that_are_too_large_is_refused(kind: str, tmp_path: Path) -> None:
     """MuJoCo takes all controls for zero then. They were clipped to their range."""
-    for value, message in (
-        ('inf', r':\d+: key k: {}: not a usable number, got .*inf'),
-        ('1e11', ': {}: not usable numbers'),
-    ):
+    for value in ('inf', '1e11'):
         count = 1 if kind == 'ctrl' else 2
         key = f'{kind}="{" ".join([value] * count)}"'
         path = saved(tmp_path, 'it.xml', robot('', PUSH % 'ctrlrange="-1 1"', key))
-        with pytest.raises(InputError, match=message.format(kind)):
+        said = rf':\d+: key k: {kind}: not a usable number, got .*{value}'
+        with pytest.raises(InputError, match=said):
             imported(path, scene=True, key='k')

@@ -324,6 +324,15 @@ def test_a_joint_of_an_sdf_that_mimics_itself(tmp_path: Path) -> None:
         report(tmp_path, 'a.sdf', sdf('revolute', axis))
 
 
+def test_joints_of_an_sdf_that_mimic_each_other(tmp_path: Path) -> None:
+    """Both couplings together would lock them."""
+    axis = '<axis><xyz>1 0 0</xyz><mimic joint="{}"><multiplier>2</multiplier></mimic></axis>'
+    ends = f'<parent>arm</parent><child>hand</child>{axis.format("j")}'
+    more = f'<link name="hand">{BODY}</link><joint name="k" type="revolute">{ends}</joint>'
+    with pytest.raises(InputError, match='k: it mimics itself'):
+        report(tmp_path, 'a.sdf', sdf('revolute', axis.format('k'), more))
+
+
 def test_a_link_of_a_urdf_with_inertia_alone(tmp_path: Path) -> None:
     """Its inertia is added to the link that it is fixed to."""
     more = f"""<link name="disk"><inertial><mass value="0"/>{INERTIA}</inertial></link>
