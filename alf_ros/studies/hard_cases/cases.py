@@ -11,7 +11,7 @@ import numpy as np
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.studies.exact import motions as reference_motion
 from alf_ros.studies.exact.motions import ExactMotion
-from alf_ros.studies.hard_cases import campaign, landing
+from alf_ros.studies.hard_cases import campaign, corners, landing
 from alf_ros.studies.hard_cases.trial import RunResult, RunSpec, TableRow, observed_order
 
 
@@ -143,6 +143,7 @@ CASES = {
     'many_bars': _many_bars,
     'starts': _starts,
     'landing': landing.rows,
+    'corners': corners.rows,
     'order': _orders,
     'campaign': campaign.rows,
 }
