@@ -71,10 +71,12 @@ class DriveJumps:
             if jump is not None:
                 return Ahead(done, corners, jump)
             done += 1
-        end = start + (first + n) * h
         # whatever the steps of one call, each knows the same corners
-        behind = branches.between(end, end + _NEAR * h + _ROUNDED * abs(end))
-        return Ahead(n, corners + [corner for _, corner in behind])
+        end = start + (first + n) * h
+        near = _NEAR * h + _ROUNDED * abs(end)
+        if not branches.same(end, 1, near):
+            corners += [corner for _, corner in branches.between(end, end + near)]
+        return Ahead(n, corners)
 
     def _between(self, low: float, high: float) -> tuple[list[float], DriveJump | None]:
         """The corners before the first jump between two times, and the jump."""
