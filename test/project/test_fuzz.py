@@ -18,8 +18,8 @@ from campaign import campaign
 from worker import HARNESSES, harness
 
 CORPUS = {name: sorted((DATA / 'fuzz' / name).glob('*')) for name in HARNESSES}
-CASES = {'expressions': 1000, 'tables': 200, 'states': 50, 'robots': 10, 'scenes': 5}
-CASES |= {'logs': 3, 'commands': 5, 'services': 10}
+CASES = {'expressions': 3000, 'tables': 500, 'states': 100, 'robots': 20, 'scenes': 10}
+CASES |= {'logs': 5, 'commands': 10, 'services': 10}
 
 
 @pytest.mark.parametrize('name', [name for name in HARNESSES if CORPUS[name]])
