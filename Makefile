@@ -11,7 +11,7 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run view check test newest docs fuzz soak benchmark clean
+.PHONY: help setup run view check test thorough newest docs fuzz soak benchmark clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
@@ -19,6 +19,7 @@ help:
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
 	@echo 'make check   linters (of prose too), type checks, quick tests without a node and their coverage, under 90 s'
 	@echo 'make test    linters, type checks and all tests'
+	@echo 'make thorough   the same, with all cases of large families of tests'
 	@echo 'make newest [PYTHON=python3.13]   tests that need no ROS, with the newest versions of all libraries'
 	@echo 'make docs [ARGS=--no-films]   the documentation site: build/docs/html/index.html'
 	@echo 'make fuzz [ARGS="--minutes 60"]   files, logs and commands nobody would write, by the thousand'
@@ -62,6 +63,10 @@ check test: setup
 	$(if $(ARGS)$(filter test,$@),$(BIN)/python $(PYTEST) $(ARGS) || failed="$$failed$(COMMA) pytest";,$(QUICK)) \
 	wait $$types || failed="$$failed, mypy"; cat "$$said"; \
 	if [ -n "$$failed" ]; then echo "make $@: failed: $${failed#, }" >&2; exit 1; fi
+
+# Also cases that repeat what others prove (test/support/thorough.py).
+thorough:
+	@$(MAKE) --no-print-directory test ARGS='--thorough $(ARGS)'
 
 COMMA := ,
 define QUICK

@@ -149,7 +149,7 @@ def test_a_run_in_python_is_the_compiled_run(
 ) -> None:
     """The same steps, all functions of the effect as the Python that is written."""
     compiled = simulation(kind, which)
-    compiled.step(60)
+    compiled.step(20)
     module = effects.load(kind)
     for name in ('force', 'potential', 'friction'):
         if hasattr(module, name):
@@ -160,7 +160,7 @@ def test_a_run_in_python_is_the_compiled_run(
     ]
     as_python(monkeypatch, module, *shared)
     python = simulation(kind, which)
-    python.step(60)
+    python.step(20)
     assert python.state.q == pytest.approx(compiled.state.q, rel=1e-12, abs=1e-12)
     assert python.state.qd == pytest.approx(compiled.state.qd, rel=1e-11, abs=1e-11)
     assert python.sample().energy == pytest.approx(compiled.sample().energy, rel=1e-11)

@@ -19,6 +19,7 @@ from alf_ros import Simulation, StepError, load_scene
 from alf_ros.simulation import state_vector
 from alf_ros.simulation.saved_states import as_data, from_data
 from support.effect_scenes import rubbing_pendulum
+from support.thorough import combined
 
 Floats = NDArray[np.float64]
 G = 9.81
@@ -118,8 +119,9 @@ def crank(sim: Simulation) -> tuple[float, float]:
     return joint.position, joint.velocity
 
 
-@pytest.mark.parametrize('which', RUBBING)
-@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43'])
+@pytest.mark.parametrize(
+    ('integrator', 'which'), combined(['rk4', 'dop853_adaptive', 'esdirk43'], RUBBING)
+)
 def test_the_balance_of_the_motion_is_kept_to_its_end(which: str, integrator: str) -> None:
     """Beside the position, step by step the balance next to the last one, of all there are."""
     friction = RUBBING[which]

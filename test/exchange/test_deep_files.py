@@ -14,7 +14,7 @@ MASS = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz=
 LINK = f'<link name="%s">{MASS}</inertial></link>'
 HINGE = """<joint name="%s" type="continuous"><parent link="base"/><child link="%s"/>
 <origin xyz="0 0 %s"/><axis xyz="0 1 0"/>%s</joint>"""
-LONG = 1500  # more than the calls that Python allows
+LONG = 1100  # more than the calls that Python allows
 
 
 def test_a_long_chain_of_frames(tmp_path: Path) -> None:

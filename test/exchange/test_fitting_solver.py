@@ -66,7 +66,7 @@ def test_stiff_fingers(tmp_path, name: str) -> None:
     chosen, finer = Simulation(scene), Simulation(scene, step=1e-3, integrator=IMPLICIT)
     finer = finer.with_solver(scene.solver.integrator, tolerance=1e-11)
     for simulation in (chosen, finer):
-        simulation.step(300)
+        simulation.step(100)
     assert np.abs(chosen.state.q - finer.state.q).max() < fitting_solver.ACCURACY
     if name == 'dry friction':
         return  # its force has a limit: too long steps do not grow

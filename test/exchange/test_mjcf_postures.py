@@ -16,6 +16,7 @@ from alf_ros.exchange.mjcf_equalities import _couplings, _loops
 from alf_ros.exchange.mjcf_posture import Held, _MjcfPosture
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
+from support.thorough import combined
 
 mujoco = pytest.importorskip('mujoco')
 
@@ -136,8 +137,18 @@ CHAIN = """<joint name="first" joint1="a" joint2="b" polycoef="0.1 2 0 0 0"/>
 EQUALITIES = {'tendons': TIED, 'a tendon': HELD, 'a chain': CHAIN, 'both': TIED + CHAIN}
 
 
-@pytest.mark.parametrize('start', [{}, {'c': 0.7}, {'key': 'bent'}, {'key': 'bent', 'c': 0.7}])
-@pytest.mark.parametrize('equality', EQUALITIES.values(), ids=EQUALITIES)
+@pytest.mark.parametrize(
+    ('equality', 'start'),
+    combined(
+        [pytest.param(text, id=name) for name, text in EQUALITIES.items()],
+        [
+            pytest.param({}, id='drawn'),
+            pytest.param({'c': 0.7}, id='set'),
+            pytest.param({'key': 'bent'}, id='key'),
+            pytest.param({'key': 'bent', 'c': 0.7}, id='key and set'),
+        ],
+    ),
+)
 def test_couplings_hold_as_in_the_file_wherever_it_starts(
     equality: str, start: dict[str, Any], tmp_path: Path
 ) -> None:

@@ -16,6 +16,7 @@ from alf_ros.exchange.robot import FramePose
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
 from support.random_sdf import RandomTree
+from support.thorough import combined
 
 mujoco = pytest.importorskip('mujoco')
 
@@ -46,8 +47,7 @@ def theirs(data: object, tree: RandomTree) -> dict[str, FramePose]:
     }
 
 
-@pytest.mark.parametrize('seed', range(6))
-@pytest.mark.parametrize('version', VERSIONS)
+@pytest.mark.parametrize(('version', 'seed'), combined(VERSIONS, range(6)))
 def test_it_moves_as_its_bodies(version: str, seed: int, tmp_path: Path) -> None:
     tree = RandomTree(seed, version, tmp_path)
     text = imported(saved(tmp_path, 'it.sdf', tree.sdf()), scene=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,15 @@ def answers(found: Soundness) -> dict[str, tuple[str, str]]:
     return {each.question: (each.verdict, each.answer) for each in found.answers}
 
 
+@cache
+def examined(name: str) -> Soundness:
+    """A scene of the library, examined once for all tests here."""
+    return examine(load_scene(name))
+
+
 @pytest.mark.parametrize('name', SCENES)
 def test_the_library_is_sound(name: str) -> None:
-    found = examine(load_scene(name))
+    found = examined(name)
     assert found.sound, table(found, name)
 
 
@@ -211,7 +218,7 @@ def test_the_walk_stays_on_its_curve_where_another_one_is_near(off: float) -> No
 
 def test_freedoms_of_velocity_and_of_position() -> None:
     mobility = {
-        name: answers(examine(load_scene(name)))['mobility'][1]
+        name: answers(examined(name))['mobility'][1]
         for name in (
             'rolling_disk',
             'chaplygin_sleigh',

@@ -11,6 +11,7 @@ import pytest
 from alf_ros import AssemblyError, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.inspection.soundness import BAD, NOTE, examine
+from support.thorough import combined
 
 STEPS = {'rk4': 1e-3, 'dop853': 5e-3, 'dop853_adaptive': 1e-2, 'esdirk43': 5e-3}
 
@@ -99,8 +100,9 @@ def run(scene: dict[str, Any], integrator: str, **options: Any) -> tuple[Simulat
     return sim, np.array([sample.energy for sample in sim.run(2.0, every=every)])
 
 
-@pytest.mark.parametrize('integrator', STEPS)
-@pytest.mark.parametrize('error', [1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9])
+@pytest.mark.parametrize(
+    ('error', 'integrator'), combined([1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9], STEPS)
+)
 def test_redundant_cranks_are_made_equal(error: float, integrator: str) -> None:
     exact, energies = run(wheels(0.0), integrator)
     sim, found = run(wheels(error), integrator)

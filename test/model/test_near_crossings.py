@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.model.free_walk import Walk
+from support.thorough import combined
 
 STEPS = {'dop853': 5e-3, 'dop853_adaptive': 1e-2}
 
@@ -59,8 +60,7 @@ def sarrus(error: float) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize('integrator', STEPS)
-@pytest.mark.parametrize('error', [1e-14, 1e-12, 1e-10, 1e-9])
+@pytest.mark.parametrize(('error', 'integrator'), combined([1e-14, 1e-12, 1e-10, 1e-9], STEPS))
 def test_what_only_a_singular_position_tells_is_adjusted(error: float, integrator: str) -> None:
     def run(e: float) -> tuple[Simulation, Floats]:
         sim = Simulation(load_scene(sarrus(e)), integrator=integrator, step=STEPS[integrator])

@@ -11,6 +11,8 @@ from alf_ros.scene import overrides
 from alf_ros.scene.overrides import number, with_changes
 from alf_ros.scene.rereading import ReadDocument
 from alf_ros.scene.scene import Scene
+from support.some_scenes import SOME_SCENES
+from support.thorough import thinned
 
 SCENES = sorted(resources.library('scenes'))
 OF_BODIES = {'mass': ('0.7', '0', '-1', 'x', '[1]'), 'inertia': ('point', '{about_com: 1}')}
@@ -53,7 +55,7 @@ def told(scene: Scene, changes: dict[str, str]) -> Any:
     return found, repr(found), found.text, found.mechanism.geometry, found.says_solver
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', thinned(SCENES, keep=SOME_SCENES))
 def test_in_parts_as_in_whole(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = load_scene(name)
     body = scene.mechanism.bodies[-1].name

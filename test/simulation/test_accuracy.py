@@ -15,6 +15,7 @@ from alf_ros.simulation import setup as settings
 from alf_ros.studies.exact import motions
 from alf_ros.studies.exact.motions import ExactMotion
 from support.effect_scenes import MASS
+from support.thorough import combined
 
 MOTIONS = [
     motions.paper('slider_crank'),
@@ -31,9 +32,14 @@ def farthest(simulation: Simulation, motion: ExactMotion) -> float:
     return float(np.linalg.norm(apart, axis=2).max())
 
 
-@pytest.mark.parametrize('step', [1e-3, 0.05])
-@pytest.mark.parametrize('accuracy', [1e-3, 1e-6, 1e-9])
-@pytest.mark.parametrize('motion', MOTIONS, ids=lambda motion: motion.mechanism)
+@pytest.mark.parametrize(
+    ('motion', 'accuracy', 'step'),
+    combined(
+        [pytest.param(motion, id=motion.mechanism) for motion in MOTIONS],
+        [pytest.param(accuracy, id=f'{accuracy:g}') for accuracy in (1e-3, 1e-6, 1e-9)],
+        [pytest.param(step, id=f'{step:g}') for step in (1e-3, 0.05)],
+    ),
+)
 def test_the_true_error_is_below_what_was_asked(
     motion: ExactMotion, accuracy: float, step: float
 ) -> None:

@@ -19,6 +19,7 @@ from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.exact import one_freedom
 from support.effect_scenes import MASS
+from support.thorough import combined
 
 CRANK = one_freedom.slider_crank()
 ADAPTIVE = ['dop853_adaptive', 'esdirk43_adaptive']
@@ -188,18 +189,20 @@ def grazing(
     return stop, [CRANK.position(place) for place in places]
 
 
-@pytest.mark.parametrize('integrator', ADAPTIVE)
 @pytest.mark.parametrize(
-    ('theta', 'rate', 'depth', 'stiffness', 'exponent'),
-    [
-        (0.356, 3.281, 3.8e-6, 7.0e6, 1.0),
-        (0.228, 1.176, 1.1e-5, 1.9e6, 1.0),
-        (0.175, 3.316, 4.0e-5, 7.7e4, 1.5),
-        (0.513, 1.148, 2.4e-6, 7.8e6, 1.5),
-        (0.202, 1.681, 1.8e-4, 8.7e4, 1.0),
-        (0.41, 1.95, 1.0e-3, 1.0e7, 1.5),
-        (0.3, 2.4, 1.0e-2, 1.0e4, 1.0),
-    ],
+    ('theta', 'rate', 'depth', 'stiffness', 'exponent', 'integrator'),
+    combined(
+        [
+            (0.356, 3.281, 3.8e-6, 7.0e6, 1.0),
+            (0.228, 1.176, 1.1e-5, 1.9e6, 1.0),
+            (0.175, 3.316, 4.0e-5, 7.7e4, 1.5),
+            (0.513, 1.148, 2.4e-6, 7.8e6, 1.5),
+            (0.202, 1.681, 1.8e-4, 8.7e4, 1.0),
+            (0.41, 1.95, 1.0e-3, 1.0e7, 1.5),
+            (0.3, 2.4, 1.0e-2, 1.0e4, 1.0),
+        ],
+        ADAPTIVE,
+    ),
 )
 def test_a_stop_that_is_only_grazed_is_seen(
     integrator: str, theta: float, rate: float, depth: float, stiffness: float, exponent: float

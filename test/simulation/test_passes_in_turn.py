@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.studies.exact import one_freedom
+from support.thorough import combined
 
 CHANGE = one_freedom.change_point_alone()
 WHEN = 0.1  # s, of the pass in which a step ends
@@ -20,8 +21,9 @@ def rates(t: float, y: Floats) -> tuple[float, float]:
     return y[1], CHANGE.acceleration(y[0], y[1])
 
 
-@pytest.mark.parametrize('rate', [-0.0732, 0.0732, 0.3])
-@pytest.mark.parametrize('aside', [0.0, 1e-9, -1e-9, 1e-5])
+@pytest.mark.parametrize(
+    ('aside', 'rate'), combined([0.0, 1e-9, -1e-9, 1e-5], [-0.0732, 0.0732, 0.3])
+)
 def test_both_passes_are_found(rate: float, aside: float) -> None:
     """It passes, falls back and passes again, in one long step or in some short ones."""
     start, falls = ((math.pi, rate), {'rtol': 1e-12, 'atol': 1e-13, 'dense_output': True})

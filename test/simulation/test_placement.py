@@ -22,6 +22,8 @@ from alf_ros.simulation.placement import spin
 from alf_ros.studies.exact import crossed_bars
 from support.log_files import make
 from support.paths import ROOT
+from support.some_scenes import SOME_SCENES
+from support.thorough import thinned
 
 SCENES = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
 
@@ -148,7 +150,12 @@ def test_what_cannot_be_is_refused_and_changes_nothing(
 # ----------------------------------------------------------------------------------- any mechanism
 
 
-@pytest.mark.parametrize('scene', [name for name in SCENES if name != 'wiper'])
+@pytest.mark.parametrize(
+    'scene',
+    thinned(
+        [name for name in SCENES if name != 'wiper'], keep=[*SOME_SCENES, 'two_finger_gripper']
+    ),
+)
 def test_a_body_goes_where_it_would_go_by_itself(scene: str) -> None:
     """Of each scene: where each body is after a quarter of a second, from the start."""
     simulation = Simulation(load_scene(scene))

@@ -446,7 +446,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize('study', STUDIES, ids=lambda study: study.__name__)
-@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_study_is_made_or_refused_in_a_line(study: Any, data: st.DataObject) -> None:
     first = next(iter(STUDIES[study]))

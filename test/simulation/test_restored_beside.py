@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Simulation, load_scene
 from alf_ros.studies.exact import one_freedom
+from support.thorough import combined
 
 CHANGE = one_freedom.change_point_alone()
 LANDING = 0.1  # s
@@ -17,10 +18,12 @@ ASIDE = (1e-3, -3e-4, 2e-4, 1e-4, -1e-4, 5e-5, 1e-5, 1e-9, 0.0)  # s
 
 
 @pytest.mark.parametrize(
-    'integrator, step',
-    [('rk4', 1e-2), ('dop853', 1e-2), ('esdirk43', 1e-2), ('dop853_adaptive', LANDING)],
+    'integrator, step, rate',
+    combined(
+        [('rk4', 1e-2), ('dop853', 1e-2), ('esdirk43', 1e-2), ('dop853_adaptive', LANDING)],
+        [0.1, 0.15, -1.0],
+    ),
 )
-@pytest.mark.parametrize('rate', [0.1, 0.15, -1.0])
 def test_the_next_steps_are_the_same(integrator: str, step: float, rate: float) -> None:
     course = solve_ivp(
         lambda t, y: (y[1], CHANGE.acceleration(y[0], y[1])),

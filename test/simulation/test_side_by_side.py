@@ -16,6 +16,7 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation.side_by_side import SideBySide, no_place
 from support.side_by_side_members import check, member
 from support.singular_starts import GRAVITY, scene
+from support.thorough import combined
 
 pytestmark = pytest.mark.skipif(PLAIN, reason='code that is not compiled has no lanes')
 
@@ -49,8 +50,9 @@ def test_members_have_the_bits_of_their_single_runs(name):
         check(made, alone)
 
 
-@pytest.mark.parametrize('lanes', [width(), 2 * width()])
-@pytest.mark.parametrize('integrator', ['rk4', 'dop853'])
+@pytest.mark.parametrize(
+    ('integrator', 'lanes'), combined(['rk4', 'dop853'], [width(), 2 * width()])
+)
 def test_registers_of_other_widths_and_every_integrator_of_fixed_steps(lanes, integrator):
     made = [
         member('change_point', {DOWN: '{-9-k/8}'}, k, step=1e-2, integrator=integrator)

@@ -14,6 +14,7 @@ from alf_ros.mechanism.affine import Form
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation.sample import Sample
 from support.paths import DATA
+from support.thorough import combined
 
 BRICARD = json.loads((DATA / 'A04_bricard.json').read_text())
 
@@ -46,9 +47,10 @@ def bricard(kind: str, shared: bool) -> str:
     return '\n'.join([*lines, 'effects: {gravity: {acceleration: [0, -9.81, 0]}}'])
 
 
-@pytest.mark.parametrize('shared', [True, False], ids=['shared axes', 'own axes'])
-@pytest.mark.parametrize('kind', ['slender', 'square_section'])
-@pytest.mark.parametrize('penalty', [1e5, 1e8, 1e10])
+@pytest.mark.parametrize(
+    ('penalty', 'kind', 'shared'),
+    combined([1e5, 1e8, 1e10], ['slender', 'square_section'], [True, False]),
+)
 def test_bricard(kind: str, shared: bool, penalty: float) -> None:
     """IFToMM A04: one row depends on the others, and which is which makes no difference."""
     scene = scene_from_text(bricard(kind, shared))

@@ -131,7 +131,7 @@ def test_errors_that_outlast_their_step_are_counted(integrator: str) -> None:
 @pytest.mark.parametrize('name', SCENES)
 def test_no_alarm_in_the_library(name: str) -> None:
     sim = Simulation(load_scene(name))
-    sim.step(round(10.0 / sim.h))
+    sim.step(round(5.0 / sim.h))
     assert sim.step_error < 1e-6
     assert not sim.resolution.too_long and not sim.sample().diagnostics.trouble
     assert sim.sample().diagnostics.adequate_step == sim.h

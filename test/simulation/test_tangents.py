@@ -21,6 +21,7 @@ from alf_ros.simulation.sample import Sample
 from alf_ros.studies.exact.exact_tangents import ExactTangents, double_four_bar, slider_crank
 from support.some_scenes import SOME_SCENES
 from support.tangent_robot import NUMBERS, ROBOT
+from support.thorough import combined
 
 FIXED = {'step': 1e-2 / 7.0}
 ADAPTIVE = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
@@ -41,8 +42,18 @@ def errors(exact: ExactTangents, **settings: Any) -> tuple[float, dict[str, floa
     return float(position), found
 
 
-@pytest.mark.parametrize('settings', [FIXED, ADAPTIVE, SHARP], ids=['fixed', 'adaptive', 'sharp'])
-@pytest.mark.parametrize('solution', [slider_crank, double_four_bar])
+SETTINGS = [
+    pytest.param(FIXED, id='fixed'),
+    pytest.param(ADAPTIVE, id='adaptive'),
+    pytest.param(SHARP, id='sharp'),
+]
+SOLUTIONS = [
+    pytest.param(slider_crank, id='slider_crank'),
+    pytest.param(double_four_bar, id='double_four_bar'),
+]
+
+
+@pytest.mark.parametrize(('settings', 'solution'), combined(SETTINGS, SOLUTIONS))
 def test_exact_through_singular_passes(solution: Any, settings: dict[str, Any]) -> None:
     """10 s and 11 or 10 passes: the tangents are as good as the motion, or 100 times less."""
     position, tangents = errors(solution(10.0), **settings)

@@ -1,6 +1,6 @@
 """Numbers of assemblies, each against a count made independently, with some seeds of the search.
 
-Five; twenty with ALF_ROS_LONG=1 make test ARGS=test/studies/test_assemblies.py.
+Three; twenty with ALF_ROS_LONG=1 make test ARGS=test/studies/test_assemblies.py.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from alf_ros import AssemblyError, InputError, assemblies
 from alf_ros.arrays import Floats
 from alf_ros.studies.atlas.assembly_search import Assemblies
 
-SEEDS = range(20 if os.environ.get('ALF_ROS_LONG') else 5)
+SEEDS = range(20 if os.environ.get('ALF_ROS_LONG') else 3)
 ROD = {'mass': 1.0, 'inertia': 'rod'}
 
 

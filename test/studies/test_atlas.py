@@ -1,6 +1,6 @@
 """Atlases against closed forms: circuits, travel limits, singular positions, transmission.
 
-Five seeds of the search; twenty with ALF_ROS_LONG=1 make test ARGS=test/studies/test_atlas.py.
+Three seeds of the search; twenty with ALF_ROS_LONG=1 make test ARGS=test/studies/test_atlas.py.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from alf_ros.errors import AssemblyError
 from alf_ros.model.dense_linearisation import Linearised
 from support.browser import CHROMIUM, Browser
 
-SEEDS = range(20 if os.environ.get('ALF_ROS_LONG') else 5)
+SEEDS = range(20 if os.environ.get('ALF_ROS_LONG') else 3)
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason='no chromium')
 
 

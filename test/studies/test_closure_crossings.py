@@ -9,6 +9,7 @@ import pytest
 
 from alf_ros.arrays import Floats
 from support.flat_four_bars import Bars, closure_of, crossed, kite, parallel, random_motion
+from support.thorough import combined
 
 AT, AWAY = 1e-9, 1e-12  # m: in a flat position, and further than NEAR (rad) from it
 NEAR = 0.02
@@ -35,8 +36,7 @@ def calls(spacing: float, beside: float) -> Floats:
 SPACINGS = (0.005, 0.02, 0.05, 0.1, 0.2)  # rad
 
 
-@pytest.mark.parametrize('spacing', SPACINGS)
-@pytest.mark.parametrize('a', [0.3, 0.5, 0.7, 0.85, 0.95, 0.97])
+@pytest.mark.parametrize(('a', 'spacing'), combined([0.3, 0.5, 0.7, 0.85, 0.95, 0.97], SPACINGS))
 def test_a_crossed_four_bar_stays_crossed(a: float, spacing: float) -> None:
     for beside in (0.0, 1e-12, 1e-9, 1e-5, -1e-3, spacing / 3, spacing / 2):
         assert_held(crossed, a, 1.0, calls(spacing, beside))

@@ -493,7 +493,7 @@ def test_a_joint_that_does_not_tell_the_posture(begin: float, joint: str, tmp_pa
     path = tmp_path / 'pendulum.yaml'
     path.write_text(DOUBLE_PENDULUM, 'utf-8')
     of = load_scene(path)
-    motion = [s for s in Simulation(of).run(begin + 6.0) if s.t >= begin - 1e-9]
+    motion = [s for s in Simulation(of).run(begin + 4.0) if s.t >= begin - 1e-9]
     angles = np.array([sample.joints[joint].position for sample in motion])
     noise = 1e-3 * np.random.default_rng(0).standard_normal(angles.size)
     recording = recorded(np.array([s.t - begin for s in motion]), {joint: angles + noise})

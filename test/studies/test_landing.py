@@ -14,6 +14,7 @@ from alf_ros.arrays import Floats
 from alf_ros.studies.exact import crossed_bars, motions, one_freedom
 from alf_ros.studies.hard_cases import landing
 from alf_ros.studies.hard_cases.trial import execute
+from support.thorough import combined
 
 CRANK = one_freedom.slider_crank()
 ASIDE = (0.0, 1e-12, -1e-9, 1e-7, -1e-6, 1e-5)  # s
@@ -129,15 +130,17 @@ def stopped(beyond: float) -> tuple[Scene, tuple[float, ...]]:
     return crank_scene(theta, rate, effects), tuple(found.y[0])
 
 
-@pytest.mark.parametrize('beyond', [3e-3, 1e-3, -3e-3])
 @pytest.mark.parametrize(
-    ('integrator', 'tolerance'),
-    [
-        ('dop853_adaptive', 1e-4),
-        ('dop853_adaptive', 1e-6),
-        ('esdirk43_adaptive', 1e-5),
-        ('esdirk43_adaptive', 1e-7),
-    ],
+    ('integrator', 'tolerance', 'beyond'),
+    combined(
+        [
+            ('dop853_adaptive', 1e-4),
+            ('dop853_adaptive', 1e-6),
+            ('esdirk43_adaptive', 1e-5),
+            ('esdirk43_adaptive', 1e-7),
+        ],
+        [3e-3, 1e-3, -3e-3],
+    ),
 )
 def test_a_stiff_stop_beside_the_position(
     beyond: float, integrator: str, tolerance: float

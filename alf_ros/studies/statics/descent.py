@@ -120,7 +120,7 @@ def _masses(instant: Instant) -> Floats:
 
 def pushed(instant: Instant, solve: ConstrainedSolve) -> tuple[Floats, Floats]:
     """q̈ (n,) from rest, m/s², and λ (rows,): M q̈ + Jᵀ λ = Q, J q̈ = 0."""
-    J = instant.J[:, : instant.model.n].tocsr()
+    J = instant.J_of_movable
     if not solve.factorise(instant.M, J, instant.q):
         raise no_mass(instant.model, instant.q)
     return solve.solve(instant.Q[: instant.model.n], np.zeros(J.shape[0]))
@@ -235,7 +235,7 @@ def _tried(
 ) -> _Trial | None:
     """The step with μ; None if the matrix is not positive or the step leads too far."""
     n, parts = instant.model.n, solve.parts
-    J = instant.J[:, :n].tocsr()
+    J = instant.J_of_movable
     if not solve.factorise((H + mu * metric.matrix).tocsr(), J, instant.q):
         return None
     dq, _ = solve.solve(instant.Q[:n], np.zeros(J.shape[0]))

@@ -156,7 +156,7 @@ def _begun(base: Simulation, instant: Instant, period: float) -> tuple[Simulatio
     n = instant.model.n
     tangents = np.zeros((len(names), 2, instant.q.size))
     solve = ConstrainedSolve(instant.model, ())
-    solve.factorise(instant.M, instant.J[:, :n].tocsr(), instant.q)
+    solve.factorise(instant.M, instant.J_of_movable, instant.q)
     for k, y in enumerate(Y.T):
         tangents[k, 0, :n] = y
         tangents[k, 1, :n] = solve.solve(np.zeros(n), -(instant.turning @ y))[0]

@@ -62,6 +62,11 @@ class Loads:
         return ForceTangents(self.model, [*self.effects, *self._held])
 
     @cached_property
+    def M(self) -> Sparse:
+        """(n, n) kg."""
+        return mass_matrix(self.model)
+
+    @cached_property
     def duals(self) -> Addresses:
         """(effects,) the addresses of the forces for dual numbers."""
         return dual_forces(self.applied.kinds)
@@ -159,15 +164,20 @@ class Instant:
         """(blocks D,) N."""
         return self.force(self.q, self.qd)
 
-    @cached_property
+    @property
     def M(self) -> Sparse:
         """(n, n) kg."""
-        return mass_matrix(self.model)
+        return self.loads.M
 
     @cached_property
     def J(self) -> Sparse:
         """(rows, blocks D), rows in the kernel's order."""
         return jacobian(self.model, self.q)
+
+    @cached_property
+    def J_of_movable(self) -> Sparse:
+        """(rows, n) of J."""
+        return self.J[:, : self.model.n].tocsr()
 
     @cached_property
     def K(self) -> Sparse:

@@ -155,7 +155,7 @@ def _motion(instant: Instant, sample: Sample) -> tuple[Floats, Floats, Floats, F
     U = np.zeros((n, g))
     if instant.qd.any():
         solve = ConstrainedSolve(model, ())
-        solve.factorise(instant.M, instant.J[:, :n].tocsr(), instant.q)
+        solve.factorise(instant.M, instant.J_of_movable, instant.q)
         for y, u in zip(Y.T, U.T, strict=True):
             u[:] = solve.solve(np.zeros(n), -(instant.turning @ y))[0]
     force = instant.K @ Y + instant.curvature(lam) @ Y + instant.C @ U

@@ -86,11 +86,11 @@ class _Pencil:
     @classmethod
     def of(cls, instant: Instant, lam: Floats) -> _Pencil:
         """Raises InputError if a free motion has no mass."""
-        model, n = instant.model, instant.model.n
+        model = instant.model
         H = instant.K + instant.curvature(lam)
         H = (0.5 * (H + H.T)).tocsr()
         solve = ConstrainedSolve(model, instant.loads.tangents.cliques)
-        made = cls(H, instant.M, instant.J[:, :n].tocsr(), instant.q, solve)
+        made = cls(H, instant.M, instant.J_of_movable, instant.q, solve)
         mass = instant.M.diagonal()
         mass = np.where(mass > 0.0, mass, model.system.mean)
         rate = float((np.abs(H.diagonal()) / mass).max(initial=0.0)) or 1.0

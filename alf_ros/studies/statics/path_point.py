@@ -164,7 +164,7 @@ class PathPoint:
         instant, scales = self.instant, self.scales
         n, Z = instant.model.n, instant.velocity_directions
         slopes = self.slopes
-        J = instant.J[:, :n].tocsr()
+        J = instant.J_of_movable
         self.mechanism.solve.factorise(instant.M, J, instant.q)
         U = self.mechanism.solve.solve(np.zeros(n), -slopes.gap)[0]
         H = instant.K + instant.curvature(self.lam)

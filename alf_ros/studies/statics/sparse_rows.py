@@ -25,8 +25,10 @@ Sparse: TypeAlias = Any  # scipy.sparse.csr_matrix: scipy has no types
 def of_blocks(i: Integers, j: Integers, values: Floats, shape: tuple[int, int]) -> Sparse:
     """Of blocks (count, a, b) in block row i and block column j; those at one place add up."""
     _, a, b = values.shape
-    row = (i.astype(np.int64) * a)[:, None, None] + np.arange(a)[None, :, None]
-    column = (j.astype(np.int64) * b)[:, None, None] + np.arange(b)[None, None, :]
+    # as scipy keeps them: of other integers it would look for the largest, each time
+    rows, columns = (np.arange(size, dtype=np.int32) for size in (a, b))
+    row = (i.astype(np.int32) * np.int32(a))[:, None, None] + rows[None, :, None]
+    column = (j.astype(np.int32) * np.int32(b))[:, None, None] + columns[None, None, :]
     row, column = np.broadcast_to(row, values.shape), np.broadcast_to(column, values.shape)
     return sparse.coo_matrix((values.ravel(), (row.ravel(), column.ravel())), shape).tocsr()
 
