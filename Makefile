@@ -66,7 +66,7 @@ check test: setup
 
 # Also cases that repeat what others prove (test/support/thorough.py).
 thorough:
-	@$(MAKE) --no-print-directory test ARGS='--thorough $(ARGS)'
+	@ALF_ROS_LONG=1 $(MAKE) --no-print-directory test ARGS='$(ARGS)'
 
 COMMA := ,
 define QUICK

@@ -12,12 +12,12 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from types import SimpleNamespace
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
+from support.thorough import LONG
 from support.traced import leave_children_alone
 
 if TYPE_CHECKING:
@@ -60,12 +60,11 @@ if 'PYTEST_XDIST_WORKER' in os.environ:  # the process that starts the workers h
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """How many scene files with mistakes test/scene/test_mutants.py tries, how often each process
-    of an ensemble is killed (test/studies/test_ensemble_kills.py), whether files that need ROS are
-    left out, and whether cases that repeat others run, too (test/support/thorough.py)."""
+    of an ensemble is killed (test/studies/test_ensemble_kills.py), and whether files that need ROS
+    are left out."""
     parser.addoption('--mutants', type=int, default=100, metavar='N')
     parser.addoption('--kills', type=int, default=1, metavar='N')
     parser.addoption('--without-ros', action='store_true')
-    parser.addoption('--thorough', action='store_true')
 
 
 _WITH_ROS = ('commands', 'project', 'ros')
@@ -84,9 +83,9 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 # What is drawn is the same every time: a failure is of the change, not of the day. `make fuzz` and
-# ALF_ROS_LONG=1 draw anew.
+# `make thorough` draw anew.
 settings.register_profile('same', derandomize=True, database=None)
-if not os.environ.get('ALF_ROS_LONG'):
+if not LONG:
     settings.load_profile('same')
 
 # Long files, also those that would begin late: a file that begins last should be short.
@@ -115,13 +114,11 @@ _FIRST = (
 _WAITING = ('commands', 'project', 'ros')
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mix files that wait with files that compute, so that workers share the processor evenly.
 
     Workers take the files in this order (`--no-loadscope-reorder`).
     """
-    if not config.getoption('--thorough'):
-        _deselect(config, items, [item for item in items if item.get_closest_marker('thorough')])
     folder = Path(__file__).parent
     files = list(dict.fromkeys(item.path for item in items))
     kinds: tuple[list[Path], list[Path]] = [], []
@@ -130,27 +127,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     place = {path: (n + 0.5) / len(kind) for kind in kinds for n, path in enumerate(kind)}
     place |= {folder / name: n - len(_FIRST) for n, name in enumerate(_FIRST)}
     items.sort(key=lambda item: place[item.path])
-
-
-def _deselect(config: pytest.Config, items: list[pytest.Item], left: list[pytest.Item]) -> None:
-    """Leave out cases, and say how many; a worker says it to the process that started it."""
-    config.hook.pytest_deselected(items=left)
-    gone = set(left)
-    items[:] = [item for item in items if item not in gone]
-    if hasattr(config, 'workeroutput'):
-        config.workeroutput['left'] = [item.nodeid for item in left]
-
-
-_SAID = pytest.StashKey[bool]()
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_testnodedown(node: Any, error: object) -> None:
-    """Workers collect the same files: one of them tells how many cases it left out."""
-    left = getattr(node, 'workeroutput', {}).get('left')
-    if left and not node.config.stash.get(_SAID, False):
-        node.config.stash[_SAID] = True
-        node.config.hook.pytest_deselected(items=[SimpleNamespace(nodeid=name) for name in left])
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -8,7 +8,6 @@ where the determinant vanishes.
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from typing import Any
 
@@ -17,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from alf_ros import Simulation, StepError, load_scene
+from support.thorough import LONG
 
 Floats = NDArray[np.float64]
 G = 9.81
@@ -215,7 +215,7 @@ def test_the_balance_is_followed_through_the_change_point(branch: float, setting
     assert -1e-5 < found_end(four_bar, 0.06, **SETTINGS[setting]) - end < 5e-5 + late
 
 
-@pytest.mark.parametrize('seed', range(60 if os.environ.get('ALF_ROS_LONG') else 3))
+@pytest.mark.parametrize('seed', range(60 if LONG else 3))
 def test_of_random_four_bars(seed: int) -> None:
     """A balance that brakes may stop the motion before its end, within less than a step."""
     rng = np.random.default_rng(seed)

@@ -2,11 +2,10 @@
 
 A few scenes of the library; all of them with
 
-    ALF_ROS_LONG=1 make test ARGS=test/logs/test_verify.py
+    make thorough ARGS=test/logs/test_verify.py
 """
 
 import math
-import os
 import random
 import re
 import time
@@ -34,10 +33,11 @@ from alf_ros.simulation.simulation import Simulation
 from support.log_files import JOURNAL, Retold, make, push, rewritten
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, SimulatorProcess
+from support.thorough import LONG
 
 LIBRARY = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
 SAMPLE = ['slider_crank', 'rolling_disk', 'stewart_platform']
-SCENES = LIBRARY if os.environ.get('ALF_ROS_LONG') else SAMPLE
+SCENES = LIBRARY if LONG else SAMPLE
 SECONDS = 2.0
 LOSSY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 COORDINATES = ('A.x', 'A.y', 'B.x', 'B.y')

@@ -16,7 +16,8 @@ from alf_ros import effects, resources
 from alf_ros.commands import COMMANDS
 from alf_ros.model import joints
 from support.paths import ROOT
-from support.some_scenes import LONG, SOME_SCENES
+from support.some_scenes import SOME_SCENES
+from support.thorough import LONG
 
 SITE = ROOT / 'doc' / 'site'
 BUILD = [sys.executable, str(SITE / 'build.py')]

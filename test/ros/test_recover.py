@@ -1,6 +1,6 @@
 """Killed at any instant, cut anywhere: at most a second is missing, and nothing is wrong.
 
-Four kills; two hundred, and a longer log, with ALF_ROS_LONG=1 make test
+Four kills; two hundred, and a longer log, with make thorough
 ARGS=test/ros/test_recover.py.
 """
 
@@ -26,9 +26,10 @@ from alf_ros.logs.report.summary import account
 from alf_ros.ros.recording.recorder import Split
 from support.log_files import make, read_by_others, rewritten
 from support.ros_node import Peer, SimulatorProcess, wrench
+from support.thorough import LONG
 
-KILLS = 200 if os.environ.get('ALF_ROS_LONG') else 4
-TICKS = 2000 if os.environ.get('ALF_ROS_LONG') else 800  # of a log that is cut
+KILLS = 200 if LONG else 4
+TICKS = 2000 if LONG else 800  # of a log that is cut
 LONGEST = 3.0  # s of a run that is killed
 MOST_LOST = 1.0  # s
 

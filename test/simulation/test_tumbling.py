@@ -3,12 +3,11 @@
 Wherever the normals of its three parallelograms come to lie in a plane, another branch crosses on
 which the platform turns. No force turns it, and nothing dissipates.
 
-Five throws; ten with ALF_ROS_LONG=1 make test ARGS=test/simulation/test_tumbling.py.
+Five throws; ten with make thorough ARGS=test/simulation/test_tumbling.py.
 """
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,9 @@ import yaml
 
 from alf_ros import Simulation, StepError, load_scene
 from support.paths import ROOT
+from support.thorough import LONG
 
-THROWS = 10 if os.environ.get('ALF_ROS_LONG') else 5
+THROWS = 10 if LONG else 5
 SETTINGS: list[dict[str, Any]] = [
     {'integrator': 'dop853_adaptive', 'step': 1e-2, 'tolerance': 1e-8},
     {'integrator': 'dop853', 'step': 1e-3},

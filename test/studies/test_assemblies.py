@@ -1,12 +1,11 @@
 """Numbers of assemblies, each against a count made independently, with some seeds of the search.
 
-Three; twenty with ALF_ROS_LONG=1 make test ARGS=test/studies/test_assemblies.py.
+Three; twenty with make thorough ARGS=test/studies/test_assemblies.py.
 """
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -18,8 +17,9 @@ from scipy.optimize import brentq
 from alf_ros import AssemblyError, InputError, assemblies
 from alf_ros.arrays import Floats
 from alf_ros.studies.atlas.assembly_search import Assemblies
+from support.thorough import LONG
 
-SEEDS = range(20 if os.environ.get('ALF_ROS_LONG') else 3)
+SEEDS = range(20 if LONG else 3)
 ROD = {'mass': 1.0, 'inertia': 'rod'}
 
 

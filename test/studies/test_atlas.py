@@ -1,6 +1,6 @@
 """Atlases against closed forms: circuits, travel limits, singular positions, transmission.
 
-Three seeds of the search; twenty with ALF_ROS_LONG=1 make test ARGS=test/studies/test_atlas.py.
+Three seeds of the search; twenty with make thorough ARGS=test/studies/test_atlas.py.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 import itertools
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,9 @@ from alf_ros import __main__ as program
 from alf_ros.errors import AssemblyError
 from alf_ros.model.dense_linearisation import Linearised
 from support.browser import CHROMIUM, Browser
+from support.thorough import LONG
 
-SEEDS = range(20 if os.environ.get('ALF_ROS_LONG') else 3)
+SEEDS = range(20 if LONG else 3)
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason='no chromium')
 
 

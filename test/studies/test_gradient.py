@@ -23,8 +23,9 @@ from alf_ros.studies.gradients.taped_run import TapedRun
 from alf_ros.studies.optimisation.folds import FOLDS
 from support.arm import arm
 from support.dot_products import dot_products
-from support.some_scenes import LONG, SOME_SCENES
+from support.some_scenes import SOME_SCENES
 from support.tangent_robot import NUMBERS, ROBOT
+from support.thorough import LONG
 
 FIXED: dict[str, Any] = {'step': 1e-2 / 7.0}
 ARM = arm(1.0)

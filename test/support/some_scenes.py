@@ -1,13 +1,12 @@
 """Scenes of the library for tests that take seconds for each: one of every kind.
 
-`ALF_ROS_LONG=1 make test ARGS=FILE` takes all of them.
+`make thorough ARGS=FILE` takes all of them.
 """
 
 from __future__ import annotations
 
-import os
-
 from support.paths import ROOT
+from support.thorough import LONG
 
 # loops in the plane and in space, singular positions, redundant rows, drives, wheels, gears,
 # screws, couplings, free bodies
@@ -26,5 +25,4 @@ _KINDS = [
     'wiper',
 ]
 _ALL = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
-LONG = bool(os.environ.get('ALF_ROS_LONG'))  # all cases, also of tests that know no scenes
 SOME_SCENES = _ALL if LONG else _KINDS
