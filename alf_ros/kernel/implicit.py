@@ -153,13 +153,16 @@ def _solve_stage(
         left = gamma * change * (rate / (1.0 - rate) if rate < 0.5 else 1.0)
         fine = max(_CONVERGED * method.tolerance * speed, 8.0 * EPS * system.size / gamma)
         if left <= fine:
-            if clear:  # else the places of the interpolation were recorded
-                record_power(problem, phase, t, s, 1.0, ALL_FORCES)
             for i in range(n):
+                change_of_v = gamma * part * rates[change_at + i]
                 rates[change_at + i] = k[i]
                 rates[at + i] = work.before_qd[i] + gamma * k[i]
                 if x < DIRECTION_ONLY:
                     rates[at + i] = work.qd[i]
+                work.qd[i] = rates[at + i]  # of which the step is made, for the power
+                work.q[i] += gamma * change_of_v
+            if clear:  # else the places of the interpolation were recorded
+                record_power(problem, phase, t, s, 1.0, ALL_FORCES)
             return OK, most, near, rate
         before = change
     return NOT_SETTLED, most, near, rate

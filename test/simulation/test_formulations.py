@@ -15,10 +15,12 @@ from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.kernel import Phase
 from alf_ros.model.compile import Model
 from alf_ros.scene import scene
+from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation import formulations
 from alf_ros.simulation import setup as settings
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.studies.exact import motions
+from support.effect_scenes import ROTOR
 
 PENALTY = ('penalty', 'canonical')  # right up to 1/α
 ITERATED = ('alf1', 'alf2_as_printed')
@@ -357,6 +359,46 @@ def test_a_restored_run_repeats_bit_for_bit(name: str) -> None:
     other.step(63)
     for part in ('q', 'qd', 'carried', 'turns'):
         assert np.array_equal(getattr(other.state, part), getattr(whole, part)), part
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('table', ['pulse', 'jump'])
+def test_a_table_acts_row_by_row(table: str, name: str) -> None:
+    """Between two stages, or with a torque that jumps on the grid; in one call or in many."""
+    J, h, T = 0.5, 0.01, 1.0
+    if table == 'pulse':  # 0.25 N m s within 0.1 ms
+        effects = 'user_table: {joint: pin, table: [[0.6037, 0], [0.60375, 5000], [0.6038, 0]]}'
+        place, rate = 0.25 / J * (T - 0.60375), 0.25 / J
+    else:  # the torque is 2 times the rate of the target: 1 N m from 0.29 s to 0.58 s
+        rows = '[[0, 0], [0.29, 0], [0.58, 0.145], [1, 0.145]]'
+        effects = f'motor: {{joint: pin, position: {rows}, position_gain: 1e-9, velocity_gain: 2}}'
+        speed = 0.5 * (1.0 - math.exp(-2.0 / J * 0.29))
+        rate = speed * math.exp(-2.0 / J * 0.42)
+        place = 0.145 - J / 2.0 * rate
+    of = scene_from_text(f'{ROTOR}\neffects: {{{effects}}}\n')
+    one, many = (Simulation(of, formulation=name, step=h, integrator='dop853') for _ in range(2))
+    one.step(100)
+    for _ in range(100):
+        many.step(1)
+    found = one.sample().joints['pin']
+    assert found.velocity == pytest.approx(rate, abs=1e-7)
+    assert found.position == pytest.approx(place, abs=1e-7)
+    assert one.state.q.tobytes() == many.state.q.tobytes()
+    assert one.state.carried.tobytes() == many.state.carried.tobytes()
+
+
+@pytest.mark.parametrize('name', NAMES[1:])
+def test_a_step_that_fails_behind_a_row_is_not_taken(name: str) -> None:
+    """A torque that no step can follow, in the second piece of a step: the state stays."""
+    table = '[[0, 1], [0.1034, 1], [0.10341, 1e40], [1, 1e40]]'
+    of = scene_from_text(f'{ROTOR}\neffects: {{user_table: {{joint: pin, table: {table}}}}}\n')
+    before, after = (Simulation(of, formulation=name, step=0.01) for _ in range(2))
+    before.step(10)
+    with pytest.raises(StepError):
+        after.step(20)
+    assert after.step_index == 10
+    for each in ('q', 'qd', 'carried'):
+        assert getattr(after.state, each).tobytes() == getattr(before.state, each).tobytes()
 
 
 @pytest.mark.parametrize('name', formulations.NAMES)

@@ -17,7 +17,7 @@ from alf_ros.simulation import state_vector
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.saved_states import as_data, from_data
 from support.driven_mechanisms import BELT
-from support.effect_scenes import MASS, ROTOR, ROTOR_IN_SPACE
+from support.effect_scenes import MASS, PENDULUM, ROTOR, ROTOR_IN_SPACE
 
 G = 9.81
 METHODS: list[dict[str, Any]] = [
@@ -82,6 +82,21 @@ def test_works_have_the_order_of_the_method(integrator: str, order: int, step: f
     before, after = (max(damped(integrator=integrator, step=h)) for h in (step, 0.5 * step))
     assert before > 1e-8
     assert math.log2(before / after) > order - 0.5
+
+
+@pytest.mark.parametrize('tolerance', [1e-6, 1e-10])
+def test_works_of_an_implicit_method_have_its_order(tolerance: float) -> None:
+    """Whatever Newton's method leaves of a stage, and with a torque that jumps within a step."""
+    table = '[[0, 0], [0.401, 3], [0.401001, -3], [1, 8]]'
+    effects = f'gravity: {{acceleration: [0, {-G}]}}, user_table: {{joint: pin, table: {table}}}'
+    errors = []
+    for step in (5e-3, 2.5e-3):
+        sim = small(PENDULUM, effects, step=step, integrator='esdirk43', tolerance=tolerance)
+        start = sim.sample()
+        sim.step(round(1.0 / step))
+        errors.append(abs(missing(start, sim.sample())))
+    assert 1e-9 < errors[0] < 1e-7
+    assert math.log2(errors[0] / errors[1]) > 3.5
 
 
 @pytest.mark.parametrize('mechanism', [ROTOR, ROTOR_IN_SPACE])

@@ -9,6 +9,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import Forces, Method, Phase, System, Work
+from alf_ros.kernel.kinks_over_time import piece_to_kink, stage_time
 from alf_ros.kernel.numba_ext.jit import ONE, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.prescribed import prescribe
@@ -43,10 +44,10 @@ def runge_kutta(
 
     y is the state, in and out, and `phase` goes with it; on failure they belong to the last usable
     step. `rates` takes the state of a stage in storage.y, leaves its rates in storage.k and its q
-    and q̇ in `work`.
+    and q̇ in `work`. A step with kinks over time between its ends is taken in pieces.
     """
     N, stages, start = np.uint64(y.size), method.b.size, np.uint64(0)
-    k, ys = storage.k, storage.y
+    k, ys, base = storage.k, storage.y, storage.base
     store_angles(unit, system, work, phase)
     copy(phase.q, work.q)  # with the fixed points
     copy(phase.qd, work.qd)
@@ -57,29 +58,40 @@ def runge_kutta(
     if result != OK:
         return result, 0, most
     for taken in range(steps):
-        t = t0 + (first + taken) * h
-        for s in range(ONE, stages + ONE):
-            end = s == stages
-            for i in range(N):
-                rate = 0.0
-                for m in range(s):
-                    rate += (method.b[m] if end else method.a[s * stages + m]) * k[m * N + i]
-                ys[i] = y[i] + h * rate
-            # the rates at the end are also the rates of the first stage of the next step
-            to = start if end else s
-            ts = t0 + (first + taken + 1) * h if end else t + method.c[s] * h
-            prescribe(system, ts, work.q, work.qd, work.qdd)
-            result, count = rates(unit, system, forces, work, storage, ts, to)
-            work.evaluations[0] += 1
-            most = max(most, count)
-            if told_to_stop(work):
-                return STOPPED, taken, most
-            if end or result != OK:
-                result = _judged(unit, system, work, storage, result)
-            if result != OK:
-                return result, taken, most
-        for i in range(N):
-            y[i] = ys[i]
+        t, last = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
+        done, aim = 0.0, h  # aim: where the piece of the step ends
+        copy(y, base)
+        while True:
+            begin, to, aim = piece_to_kink(forces.kinks.instants, t, last, h, done, aim)
+            dt = aim - done
+            # the rates at the end of a piece are the ones of the next first stage, but for kinks
+            fresh = begin != t
+            for s in range(start if fresh else ONE, stages + ONE):
+                end = s == stages
+                for i in range(N):
+                    rate = 0.0
+                    for m in range(s):
+                        rate += (method.b[m] if end else method.a[s * stages + m]) * k[m * N + i]
+                    ys[i] = base[i] + dt * rate
+                at = start if end else s
+                ts = last if end and aim == h else to
+                if not end:
+                    ts = stage_time(begin, to, dt, method.c[s])
+                prescribe(system, ts, work.q, work.qd, work.qdd)
+                result, count = rates(unit, system, forces, work, storage, ts, at)
+                work.evaluations[0] += 1
+                most = max(most, count)
+                if told_to_stop(work):
+                    return STOPPED, taken, most
+                if end or result != OK:
+                    result = _judged(unit, system, work, storage, result)
+                if result != OK:
+                    return result, taken, most
+            copy(ys, base)
+            if aim == h:
+                break
+            done, aim = aim, h
+        copy(base, y)
         accept(unit, system, work, phase)
         phase.step[0] = first + taken + 1
     return OK, steps, most

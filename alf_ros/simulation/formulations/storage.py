@@ -30,6 +30,7 @@ class Storage(Struct):
     mu: float  # μ
     mass_scale: float  # kg
     y: Floats  # (size,) state of a stage
+    base: Floats  # (size,) state where a piece of a step begins
     k: Floats  # (stages size,) its rates, by stages
     f: Floats  # (all blocks D,) forces or momenta
     phi: Floats  # (rows,) Φ
@@ -68,6 +69,7 @@ def allocate(
         mu=settings.mu,
         mass_scale=model.mass_scale,
         y=np.zeros(size),
+        base=np.zeros(size),
         k=np.zeros(settings.stages * size),
         f=np.zeros(model.q.size),
         phi=np.zeros(m),
