@@ -27,7 +27,7 @@ from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
 _CLOCK = '/clock'
-_PATIENCE = 1.0  # s, with readers at the end, and of a replay as fast as possible
+_PATIENCE = 3.0  # s, with readers at the end, and of a replay as fast as possible
 
 
 class Replay(Node):
@@ -71,7 +71,7 @@ class Replay(Node):
             self.finished.set_result(None)
 
     def deliver(self) -> None:
-        """Wait until those who hear reliably have heard all of it, for a second at most."""
+        """Wait until those who hear reliably have heard all of it, for three seconds at most."""
         end = time.monotonic() + _PATIENCE
         for output in self._outputs.values():
             left = max(0.0, end - time.monotonic())

@@ -188,7 +188,7 @@ class Outputs:
         return messages.distance
 
     def deliver(self) -> None:
-        """Wait until reliable readers have the last messages, for a second at most."""
+        """Wait until reliable readers have the last messages, for three seconds at most."""
         end = time.monotonic() + PATIENCE
         sensors = self._sensors.outputs if self._sensors is not None else {}
         for output in (*self.samples.values(), *sensors.values()):

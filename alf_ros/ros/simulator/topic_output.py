@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
-PATIENCE = 1.0  # s, with reliable readers of ticks as fast as possible, and at the end
+PATIENCE = 3.0  # s, with reliable readers of ticks as fast as possible, and at the end
 
 
 class Output:
