@@ -233,6 +233,18 @@ def test_a_scene_within_a_study_is_that_of_a_scene_file(tmp_path):
     assert load_study(tmp_path / 'whole.yaml').scene_of(1).mechanism.points[1].at == (0.6, 0.0)
 
 
+def test_an_output_has_the_label_function(tmp_path):
+    (tmp_path / 'own.yaml').write_text(OWN)
+    (tmp_path / 'lift.py').write_text('def lift(run):\n    return 1.0\n')
+    labels = 'outputs: {function: final(energy), lift: {function: "lift.py:lift"}}'
+    (tmp_path / 'study.yaml').write_text(INLINE.replace('duration: 0.1', labels))
+    found = load_study(tmp_path / 'study.yaml').outputs
+    assert [(each.label, each.kind) for each in found] == [
+        ('function', 'final'),
+        ('lift', 'function'),
+    ]
+
+
 @pytest.mark.parametrize(
     'was, becomes, said',
     [

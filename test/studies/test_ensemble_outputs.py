@@ -302,6 +302,8 @@ def test_statistics_and_indices_of_a_law_that_is_known():
         ([3], 'outputs: not an output, got 3; expected max(NAME)'),
         ([{'at': [0.2, 0.1], 'of': 'energy'}], 'at: not instants'),
         ([{'passes': 0}], 'outputs.passes: not a count, got 0'),
+        ([{'pases': 3}], "outputs: unknown key, got 'pases'; did you mean 'passes'?"),
+        ({'a': {'att': [0.1], 'of': 'energy'}}, "a: unknown key, got 'att'; did you mean 'at'?"),
         ([{'crossing': 'energy', 'direction': 'left'}], "direction: no direction, got 'left'"),
         ([{'crossing': 'energy', 'valeu': 1}], "crossing: unknown key, got 'valeu'; did you mean"),
         ({'1st': 'energy'}, "outputs: not a label, got '1st'"),
@@ -313,6 +315,11 @@ def test_an_output_that_cannot_be_is_said(given, said):
     with pytest.raises(InputError) as caught:
         outputs(given)
     assert str(caught.value).startswith(said)
+
+
+def test_instants_in_an_array():
+    assert outputs([{'at': np.array([0.1, 0.2]), 'of': 'energy'}])[0].times == (0.1, 0.2)
+    assert outputs([{'norm': 'knee.force'}])[0].norm
 
 
 @pytest.mark.parametrize(

@@ -185,7 +185,11 @@ def test_what_cannot_be_is_said(kind, vary, members, said):
     [
         ({'normal': [1.0, -0.1]}, 'x: normal: impossible parameters'),
         ({'normal': [1.0]}, 'x: normal: wrong parameters, got [1.0]'),
-        ({'gauss': {'mean': 1.0}}, "x: no such distribution, got 'gauss'"),
+        ({'gauss': {'mean': 1.0}}, "x: no such distribution, got 'gauss'; known: uniform, normal"),
+        (
+            {'weibul_min': {'c': 2.0}},
+            "x: no such distribution, got 'weibul_min'; did you mean 'weibull_min'?",
+        ),
         ({'unifrm': [1.0, 2.0]}, "x: no such distribution, got 'unifrm'; did you mean 'uniform'?"),
         ({'uniform': {'low': 1.0, 'high': float('inf')}}, 'x: uniform.high: not finite, got inf'),
         ({'beta': {'a': -1.0, 'b': 2.0}}, 'x: beta: impossible parameters'),

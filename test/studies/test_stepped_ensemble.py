@@ -120,6 +120,18 @@ def test_a_copy_moves_by_itself(copied: Any) -> None:
     assert np.array_equal(split.reset(), other.reset())
 
 
+@pytest.mark.parametrize('copied', [copy.copy, copy.deepcopy, by_pickle])
+def test_a_copy_resets_members_and_pushes_them_again(copied: Any) -> None:
+    efforts = np.array([[1.0], [0.0], [-2.0]])
+    ensemble = Ensemble('slider_crank', 3, steps=4, **CRANK)
+    first = ensemble.step(efforts)
+    other = copied(ensemble)
+    other.reset([0, 2])
+    seen = other.step(efforts)
+    assert np.array_equal(seen[[0, 2]], first[[0, 2]])
+    assert np.array_equal(seen[1], ensemble.step(efforts)[1])
+
+
 def test_points_are_observed_too():
     names = ['points.B.x', 'velocities.A.y', 'joints.guide.position']
     ensemble = Ensemble('slider_crank', 2, observations=names, step=2e-3, integrator='rk4')

@@ -7,6 +7,7 @@ process and beside any other members.
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from scipy import special
 from alf_ros.errors import InputError
 
 Value = str  # of a varied name, as `fork --set` takes it: text in YAML
+_NEAR = 0.8  # a slip of the pen: scipy has so many laws that another name is near most words
 _OPEN = {'.inf': math.inf, '+.inf': math.inf, '-.inf': -math.inf}  # in YAML
 
 
@@ -158,7 +160,9 @@ def _of_scipy(law: str) -> Any:
 
     found = getattr(stats, law, None)
     if not isinstance(found, stats.rv_continuous):
-        raise InputError('no such distribution', value=law, choices=LAWS)
+        laws = [name for name, each in vars(stats).items() if isinstance(each, stats.rv_continuous)]
+        near = difflib.get_close_matches(law, laws, 1, _NEAR)
+        raise InputError('no such distribution', value=law, choices=[*LAWS, *near])
     return found
 
 

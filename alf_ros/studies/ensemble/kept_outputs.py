@@ -41,6 +41,8 @@ _OPTIONS = {
     'passes': (),
     'function': ('reads',),
 }
+_CALLS = (*_FOLDED, 'norm')
+_NAMES = {*_KEYS, *_CALLS, *(name for names in _OPTIONS.values() for name in names)}
 DIRECTIONS = ('both', 'up', 'down')
 LABEL = re.compile(r'[A-Za-z][\w.-]*')
 
@@ -320,6 +322,10 @@ def _output(data: Any, label: str | None) -> KeptOutput:
         data = {'function': data}
     key = next((key for key in _KEYS if isinstance(data, Mapping) and key in data), None)
     if key is None:
+        slips = [name for name in data if name not in _NAMES] if isinstance(data, Mapping) else []
+        if slips:
+            choices = (*_KEYS, *_CALLS)
+            raise InputError('unknown key', key=label or 'outputs', value=slips[0], choices=choices)
         if isinstance(data, Mapping) and len(data) == 1:
             ((kind, of),) = data.items()
             return _called(f'{kind}({of})', label)
@@ -337,8 +343,7 @@ def _called(text: str, label: str | None) -> KeptOutput:
     if found and found[1] != 'norm':
         kind, inner = found[1], found[2].strip()
         if kind not in _FOLDED:
-            choices = (*_FOLDED, 'norm')
-            raise InputError('no such output', key='outputs', value=kind, choices=choices)
+            raise InputError('no such output', key='outputs', value=kind, choices=_CALLS)
     quantity, norm = _measured(inner)
     named = '_'.join((['norm'] if norm else []) + [quantity])
     return KeptOutput(
@@ -371,7 +376,8 @@ def _count(value: Any, key: str) -> int:
 
 
 def _at(data: Mapping[str, Any], label: str | None) -> KeptOutput:
-    given = data['at'] if isinstance(data['at'], Sequence) else [data['at']]
+    given = data['at'].tolist() if hasattr(data['at'], 'tolist') else data['at']
+    given = given if isinstance(given, Sequence) else [given]
     times = tuple(_number(t, 'at') for t in given)
     if not times or any(b <= a for a, b in zip(times, times[1:], strict=False)) or times[0] < 0:
         raise InputError(

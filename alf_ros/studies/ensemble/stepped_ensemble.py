@@ -102,10 +102,10 @@ class Ensemble:
     def __getstate__(self) -> dict[str, Any]:
         # members stand in memory whose addresses the compiled step has: a copy has its own
         saved = {name: value for name, value in vars(self).items() if name not in self._BOUND}
-        members = [self._simulation(k) for k in range(len(self))]
+        self._together.settle()
         return {
             **saved,
-            '_members': members,
+            '_members': [copy.copy(each) for each in self._members],
             '_efforts': self._efforts.copy(),
             '_failed': self.failed,
         }
@@ -114,6 +114,7 @@ class Ensemble:
         vars(self).update(saved)
         self._together = self._side_by_side()
         self._params = self._own_params()
+        self._give(self._efforts)
         self._observing = self._reading()
         self._bind()
         self._lock = threading.Lock()
@@ -259,7 +260,8 @@ class Ensemble:
                 expected = f'shape {self._efforts.shape}'
                 raise InputError('not usable', key='inputs', value=given.shape, expected=expected)
             if not np.isfinite(given).all():
-                raise InputError('not finite', key='inputs', value=float(given.sum()))
+                first = float(given[~np.isfinite(given)][0])
+                raise InputError('not finite', key='inputs', value=first)
             self._give(given)
         for k, error in self._together.advance(self.steps, self._failed).items():
             self._failed[k] = str(error)

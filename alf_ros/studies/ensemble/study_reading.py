@@ -224,12 +224,12 @@ def scene_of(entry: Entry, folder: Path) -> Any:
 
 
 def _functions(data: Any, folder: Path) -> Any:
-    """The outputs with the files of functions looked for in the folder of the study."""
+    """The outputs, listed or by label, with the files of functions in the folder of the study."""
     if isinstance(data, Mapping):
-        return {
-            key: str(folder / inner)
-            if key == 'function' and isinstance(inner, str)
-            else _functions(inner, folder)
-            for key, inner in data.items()
-        }
-    return [_functions(inner, folder) for inner in data] if isinstance(data, list) else data
+        return {label: _function(output, folder) for label, output in data.items()}
+    return [_function(output, folder) for output in data] if isinstance(data, list) else data
+
+
+def _function(output: Any, folder: Path) -> Any:
+    named = output.get('function') if isinstance(output, Mapping) else None
+    return {**output, 'function': str(folder / named)} if isinstance(named, str) else output
