@@ -6,9 +6,11 @@ does not, the mass of the mesh is unknown, and the body is named.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
+
+from alf_ros.exchange import mjcf_files
 
 
 def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
@@ -17,10 +19,9 @@ def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
     Raises ValueError, as MuJoCo does.
     """
     spec = mujoco.MjSpec.from_file(str(path))
-    folder = path.parent
-    meshes, pictures = (folder / (each or '') for each in (spec.meshdir, spec.texturedir))
-    gone = {_name(mesh) for mesh in spec.meshes if _missing(mesh.file, meshes)}
-    fields = {_name(field) for field in spec.hfields if _missing(field.file, meshes)}
+    folders = mjcf_files.folders(path)
+    gone = {_name(mesh) for mesh in spec.meshes if _missing(mesh, folders)}
+    fields = {_name(field) for field in spec.hfields if _missing(field, folders)}
     lighter, lost = [], set[str]()
     for geom in list(spec.geoms):
         if geom.meshname in gone or geom.hfieldname in fields:
@@ -37,9 +38,9 @@ def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
         if _name(field) in fields:
             spec.delete(field)
     for skin in list(spec.skins):
-        if _missing(skin.file, meshes):
+        if _missing(skin, folders):
             spec.delete(skin)
-    _without_pictures(spec, pictures)
+    _without_pictures(spec, folders)
     return spec.compile(), lighter
 
 
@@ -55,11 +56,11 @@ def _without_geoms(mujoco: Any, spec: Any, lost: Collection[str]) -> None:
             spec.delete(sensor)
 
 
-def _without_pictures(spec: Any, folder: Path) -> None:
+def _without_pictures(spec: Any, folders: Sequence[Path]) -> None:
     gone = set()
     for texture in list(spec.textures):
         files = [texture.file, *texture.cubefiles]
-        if any(_missing(file, folder) for file in files):
+        if any(_is_gone(file, texture.compiler.texturedir, folders) for file in files):
             gone.add(_name(texture))
             spec.delete(texture)
     for material in spec.materials:
@@ -73,5 +74,10 @@ def _name(asset: Any) -> str:
     return asset.name or Path(asset.file).stem
 
 
-def _missing(file: str, folder: Path) -> bool:
-    return bool(file) and not (folder / file).is_file()
+def _missing(asset: Any, folders: Sequence[Path]) -> bool:
+    return _is_gone(asset.file, asset.compiler.meshdir, folders)
+
+
+def _is_gone(file: str, within: str | None, folders: Sequence[Path]) -> bool:
+    """Whether no folder has a file: MuJoCo does not say to which model it belongs."""
+    return bool(file) and not any((each / (within or '') / file).is_file() for each in folders)

@@ -55,6 +55,7 @@ _USED = (
 )
 _OF_DOFS = ('damping', 'frictionloss', 'armature')
 _OF_TENDONS = ('stiffness', 'damping', 'frictionloss')
+_PARTS = "'include'", "'model'"  # elements whose files no model is without
 _KINDS = {
     'sensor': 'sensors',
     'key': 'keyframes',
@@ -108,7 +109,8 @@ def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
         try:
             model = mujoco.MjModel.from_xml_path(str(path))
         except ValueError as error:
-            if 'opening file' not in str(error) or "'include'" in str(error):
+            is_part = any(part in str(error) for part in _PARTS)
+            if 'opening file' not in str(error) or is_part:
                 raise
             what = 'the model without missing meshes'
             model, lighter = mjcf_assets.compiled_without(mujoco, path)

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import xml_file
+from alf_ros.exchange import mjcf_files, xml_file
 from alf_ros.scene.text.yaml_document import LARGEST
 
 WARNING = "'NaN'"  # in what MuJoCo says then
@@ -27,9 +26,9 @@ _OF_STATES = ('qpos', 'qvel', 'act', 'ctrl', 'ref', 'pos')
 
 
 def check(path: Path) -> None:
-    """Refuse the first number that is NaN in a file or in one that it includes, unless it moves
-    nothing. Raises InputError."""
-    for element in _elements(path, path.parent, set()):
+    """Refuse the first number that is NaN in a file, or in one that it includes or attaches; one
+    that moves nothing may be. Raises InputError."""
+    for element in mjcf_files.elements(path):
         for key, value in element.attrib.items():
             if key in (*_NAMES, *_MOVE_NOTHING) or _NAMED.fullmatch(key):
                 continue
@@ -40,7 +39,7 @@ def check(path: Path) -> None:
 
 def check_friction(path: Path) -> None:
     """Refuse the first coefficient of friction that is infinite or negative. Raises InputError."""
-    for element in _elements(path, path.parent, set()):
+    for element in mjcf_files.elements(path):
         words = element.get('friction', '').split()
         if any(map(_is_infinite, words)):
             raise _error(path, element, 'friction')
@@ -50,7 +49,7 @@ def check_friction(path: Path) -> None:
 
 def check_signs(path: Path) -> None:
     """Refuse the first negative stiffness, damping, friction or armature. Raises InputError."""
-    for element in _elements(path, path.parent, set()):
+    for element in mjcf_files.elements(path):
         for key in _NOT_NEGATIVE:
             linear = element.get(key, '').split()[:1]  # the others are of square and cube
             if any(map(_is_negative, linear)):
@@ -60,7 +59,7 @@ def check_signs(path: Path) -> None:
 def check_size(path: Path) -> None:
     """Refuse the first number that cannot be computed with. Ranges may be infinite, and so may
     planes. Raises InputError."""
-    for element in _elements(path, path.parent, set()):
+    for element in mjcf_files.elements(path):
         for key, value in element.attrib.items():
             if key in (*_NAMES, *_MOVE_NOTHING) or _NAMED.fullmatch(key) or key.endswith('range'):
                 continue
@@ -72,7 +71,7 @@ def check_size(path: Path) -> None:
 
 def check_states(path: Path, most: float) -> None:
     """Refuse the first number of a state that is larger. Raises InputError."""
-    for element in _elements(path, path.parent, set()):
+    for element in mjcf_files.elements(path):
         for key in _OF_STATES:
             if any(_is_beyond(most, word) for word in element.get(key, '').split()):
                 raise _error(path, element, key, 'not a usable number')
@@ -85,20 +84,6 @@ def _error(
     at = f'{element.tag} {name}' if name else element.tag
     place, value = xml_file.place_of(element, str(path)), element.get(key)
     return InputError(text, **place, key=f'{at}: {key}', value=value)
-
-
-def _elements(path: Path, folder: Path, seen: set[Path]) -> Iterator[ElementTree.Element]:
-    """Of a file and of those that it includes; MuJoCo looks for these beside the first one, or
-    beside the one that includes them."""
-    if path in seen or not path.is_file():
-        return
-    seen.add(path)
-    for element in xml_file.root_of(path).iter():
-        yield element
-        if element.tag == 'include':
-            file = element.get('file', '')
-            for beside in dict.fromkeys([folder, path.parent]):
-                yield from _elements(beside / file, folder, seen)
 
 
 def _is_nan(word: str) -> bool:

@@ -185,6 +185,27 @@ def test_meshes_and_pictures_that_are_not_there() -> None:
     assert first_speed(text, 'pin') == pytest.approx(expected, rel=1e-5)
 
 
+def test_a_mesh_of_an_attached_model_is_there(tmp_path: Path) -> None:
+    """It lies beside its model; only a picture is missing."""
+    pytest.importorskip('mujoco')
+    (tmp_path / 'arm' / 'meshes').mkdir(parents=True)
+    corners = 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n'
+    saved(tmp_path / 'arm' / 'meshes', 'corner.obj', corners)
+    saved(
+        tmp_path / 'arm',
+        'arm.xml',
+        """<mujoco><compiler meshdir="meshes"/><asset><mesh name="m" file="corner.obj"/>
+<texture name="t" type="2d" file="none.png"/></asset><worldbody><body name="b">
+<joint name="j" axis="0 1 0"/><geom type="mesh" mesh="m" density="6"/></body></worldbody>
+</mujoco>""",
+    )
+    whole = """<mujoco><asset><model name="a" file="arm/arm.xml"/></asset>
+<worldbody><attach model="a" body="b" prefix="p_"/></worldbody></mujoco>"""
+    text = imported(saved(tmp_path, 'it.xml', whole), scene=True)
+    assert 'without their file' not in text
+    assert simulate(text).scene.mechanism.bodies[0].mass == pytest.approx(1.0, rel=1e-6)
+
+
 # ----------------------------------------------------------------------------------------- inertia
 
 

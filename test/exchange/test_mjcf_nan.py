@@ -84,6 +84,39 @@ def test_nan_in_a_file_that_is_included(tmp_path: Path) -> None:
     assert str(caught.value).startswith(f'{path}:2: geom: mass: not a finite number')
 
 
+ATTACHING = """<mujoco><asset><model name="m" file="{file}"/></asset>
+<worldbody><attach model="m" body="b" prefix="p_"/></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ('geom', 'said'),
+    [
+        ('mass="nan"', "mass: not a finite number, got 'nan'"),
+        ('density="1e200"', "density: not a usable number, got '1e200'"),
+    ],
+)
+def test_numbers_of_an_attached_model(geom: str, said: str, tmp_path: Path) -> None:
+    """Also of one that such a model attaches, from its own folder."""
+    (tmp_path / 'deep').mkdir()
+    path = saved(tmp_path / 'deep', 'part.xml', mjcf(geom=geom))
+    nested = (
+        ATTACHING.format(file='part.xml')
+        .replace('<attach', '<body name="b"><attach')
+        .replace('</w', '</body></w')
+    )
+    saved(tmp_path / 'deep', 'nested.xml', nested)
+    for part in ('part', 'nested'):
+        with pytest.raises(InputError) as caught:
+            imported(saved(tmp_path, 'it.xml', ATTACHING.format(file=f'deep/{part}.xml')))
+        assert str(caught.value) == f'{path}:2: geom: {said}'
+
+
+def test_an_attached_model_that_is_not_there(tmp_path: Path) -> None:
+    path = saved(tmp_path, 'it.xml', ATTACHING.format(file='none.xml'))
+    with pytest.raises(InputError, match="MuJoCo refuses it: .*none.xml' Element 'model'"):
+        imported(path)
+
+
 def test_nan_that_moves_nothing_is_listed(tmp_path: Path) -> None:
     head = '<custom><numeric name="x" data="nan"/></custom>'
     text = imported(saved(tmp_path, 'it.xml', mjcf('nan', head=head)))

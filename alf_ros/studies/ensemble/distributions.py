@@ -160,8 +160,8 @@ def _of_scipy(law: str) -> Any:
 
     found = getattr(stats, law, None)
     if not isinstance(found, stats.rv_continuous):
-        laws = [name for name, each in vars(stats).items() if isinstance(each, stats.rv_continuous)]
-        near = difflib.get_close_matches(law, laws, 1, _NEAR)
+        near = difflib.get_close_matches(law, vars(stats), 1, _NEAR)
+        near = [name for name in near if isinstance(getattr(stats, name), stats.rv_continuous)]
         raise InputError('no such distribution', value=law, choices=[*LAWS, *near])
     return found
 

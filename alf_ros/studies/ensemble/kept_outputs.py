@@ -324,8 +324,8 @@ def _output(data: Any, label: str | None) -> KeptOutput:
     if key is None:
         slips = [name for name in data if name not in _NAMES] if isinstance(data, Mapping) else []
         if slips:
-            choices = (*_KEYS, *_CALLS)
-            raise InputError('unknown key', key=label or 'outputs', value=slips[0], choices=choices)
+            key, choices = label or 'outputs', (*_KEYS, *_CALLS)
+            raise InputError('unknown key', key=key, value=slips[0], choices=choices)
         if isinstance(data, Mapping) and len(data) == 1:
             ((kind, of),) = data.items()
             return _called(f'{kind}({of})', label)
