@@ -17,6 +17,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.effects.contract.controlled import aimed as aimed
 from alf_ros.effects.contract.controlled import follows as follows
+from alf_ros.effects.contract.controlled import gain_of_position
 from alf_ros.effects.contract.piecewise import Points, instants, interpolate, signal, slope
 from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar, shared
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -44,8 +45,13 @@ class Parameters:
             'doc': 'wanted ẋ*, or a table t, ẋ*; the slope of position if absent',
         },
     )
-    position_gain: float = field(
-        default=0.0, metadata={'kind': 'number', 'unit': 'N m/rad or N/m', 'doc': 'k_p'}
+    position_gain: float | None = field(
+        default=None,
+        metadata={
+            'kind': 'number',
+            'unit': 'N m/rad or N/m',
+            'doc': 'k_p; 0 to follow the slope of position only',
+        },
     )
     velocity_gain: float = field(
         default=0.0, metadata={'kind': 'number', 'unit': 'N m s/rad or N s/m', 'doc': 'k_v'}
@@ -75,8 +81,7 @@ class Parameters:
     def __post_init__(self) -> None:
         contract.not_negative(self, 'position_gain', 'velocity_gain', 'limit', 'armature')
         contract.positive(self, 'free_speed')
-        if (self.position is None) != (self.position_gain == 0.0):
-            raise ValueError('position and position_gain go together')
+        gain_of_position(self)
         if self.velocity is not None and self.velocity_gain == 0.0:
             raise ValueError('velocity needs velocity_gain')
         if self.free_speed is not None and self.limit is None:
@@ -102,7 +107,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         e, x, xd = (signal(s) for s in own)
         functions += own
         given = float(p.velocity is not None)
-        head = [p.position_gain, p.velocity_gain, limit, slope_of_limit, given]
+        head = [p.position_gain or 0.0, p.velocity_gain, limit, slope_of_limit, given]
         measures.give([*head, e.size, e.size + x.size, *e, *x, *xd])
     smooth = all(effect.parameters.limit is None for effect in effects)
     return replace(measures.packed(smooth=smooth), instants=instants(*functions))

@@ -20,6 +20,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.effects.contract.controlled import aimed as aimed
 from alf_ros.effects.contract.controlled import follows as follows
+from alf_ros.effects.contract.controlled import gain_of_position
 from alf_ros.effects.contract.piecewise import (
     Points,
     instants,
@@ -108,7 +109,9 @@ class Parameters:
             'signal', 'm/s', 'wanted L̇*, or a table t, L̇*; the slope of position if absent'
         ),
     )
-    position_gain: float = field(default=0.0, metadata=_number('N/m', 'k_p'))
+    position_gain: float | None = field(
+        default=None, metadata=_number('N/m', 'k_p; 0 to follow the slope of position only')
+    )
     velocity_gain: float = field(default=0.0, metadata=_number('N s/m', 'k_v'))
     limit: float | None = field(
         default=None, metadata=_number('N', 'largest effort of the drive; no limit if absent')
@@ -139,8 +142,7 @@ class Parameters:
             raise ValueError('lower and upper need stop_stiffness')
         if None not in (self.lower, self.upper) and not self.lower < self.upper:  # type: ignore[operator]
             raise ValueError('the lower stop must be below the upper one')
-        if (self.position is None) != (self.position_gain == 0.0):
-            raise ValueError('position and position_gain go together')
+        gain_of_position(self)
         if self.velocity is not None and self.velocity_gain == 0.0:
             raise ValueError('velocity needs velocity_gain')
 
@@ -230,7 +232,7 @@ def _numbers(p: Parameters, parts: Sequence[int], layout: Layout) -> list[float]
     upper = math.inf if p.upper is None else p.upper
     limit = math.inf if p.limit is None else p.limit
     stops = [lower, upper, p.stop_stiffness or 0.0]
-    drive = [p.position_gain, p.velocity_gain, limit, float(p.velocity is not None)]
+    drive = [p.position_gain or 0.0, p.velocity_gain, limit, float(p.velocity is not None)]
     T = law(p.stiffness, p.table)
     e, L, Ld = (signal(each or 0.0) for each in (p.effort, p.position, p.velocity))
     starts = np.cumsum([_TABLES + T.size, e.size, L.size])

@@ -273,6 +273,8 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
         ('joint_friction: {joint: elbow, dynamic: 0.2, static: 0.1}', 'static must not be less'),
         ('joint_friction: {joint: rail, dynamic: 1, radius: 0.1}', 'no radius'),
         ('motor: {joint: elbow, position: 1}', 'go together'),
+        ('motor: {joint: elbow, position: 1, velocity_gain: 1}', 'also where the gain is 0'),
+        ('motor: {joint: elbow, position_gain: 1}', 'go together'),
         ('motor: {joint: elbow, velocity: 1}', 'needs velocity_gain'),
         ('ground_contact: {on: B, stiffness: 1, normal: [0, 0]}', 'no direction'),
         ('ground_contact: {on: B, stiffness: 1, exponent: 0.5}', 'must be 1 at least'),

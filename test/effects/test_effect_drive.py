@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,31 @@ def test_motor_follows_a_ramp_with_its_slope() -> None:
     for sample in sim.run(2.0, every=200):
         angle = 3.0 * sample.t - 3.0 * sample.t * math.exp(-4.0 * sample.t)
         assert sample.joints['pin'].position == pytest.approx(angle, abs=1e-10)
+
+
+@pytest.mark.parametrize('law', ['motor: {joint: pin,', 'tendon: {joints: [[pin, 1]],'])
+def test_a_position_gain_of_zero_follows_the_slope(law: str) -> None:
+    """J ω̇ = k_v (ẋ* - ω), which jumps at the rows; with the derivative by k_v."""
+    kv, rows = 1.5, [(0.0, 0.5), (0.4, 1.1), (0.7, 0.2), (1.0, 0.2)]
+    table = str([list(row) for row in rows])
+    text = f'{law} position: {table}, position_gain: 0, velocity_gain: {kv}}}'
+    gain = f'{text.partition(":")[0]}.velocity_gain'
+    scene = simulate(ROTOR, text).scene
+    sim = Simulation(scene, step=1e-3, integrator='dop853', tangents=[gain])
+
+    def angle(k: float) -> float:
+        x = v = 0.0
+        for (a, low), (b, high) in pairwise(rows):
+            slope, fade = (high - low) / (b - a), math.exp(-k * (b - a) / J)
+            x += slope * (b - a) + (v - slope) * J / k * (1.0 - fade)
+            v = slope + (v - slope) * fade
+        return x
+
+    sim.step(1000)
+    sample = sim.sample()
+    assert sample.joints['pin'].position == pytest.approx(angle(kv), abs=1e-9)
+    change = (angle(kv + 1e-5) - angle(kv - 1e-5)) / 2e-5
+    assert sample.tangents[gain].joints['pin'].position == pytest.approx(change, abs=1e-8)
 
 
 def test_constant_wrench_on_a_point_and_on_a_body_that_spins() -> None:

@@ -13,8 +13,13 @@ class Controller(Protocol):
     """Parameters of such an effect."""
 
     @property
-    def position_gain(self) -> float:
-        """k_p; 0 if it follows no position."""
+    def position(self) -> float | Points | None:
+        """x*."""
+        ...
+
+    @property
+    def position_gain(self) -> float | None:
+        """k_p; none or 0 if it follows no position."""
         ...
 
     @property
@@ -24,6 +29,15 @@ class Controller(Protocol):
 
 
 C = TypeVar('C', bound=Controller)
+
+
+def gain_of_position(parameters: Controller) -> None:
+    """Raise ValueError for one of x* and k_p without the other: a gain of zero must be given."""
+    if parameters.position is None:
+        if parameters.position_gain:
+            raise ValueError('position and position_gain go together')
+    elif parameters.position_gain is None:
+        raise ValueError('position and position_gain go together, also where the gain is 0')
 
 
 def follows(parameters: Controller) -> tuple[bool, bool]:
