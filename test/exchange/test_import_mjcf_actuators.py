@@ -213,7 +213,7 @@ def test_states_of_actuators_are_listed(actuator: str, line: str, tmp_path: Path
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     (motor,) = (each.parameters for each in scene_from_text(text).effects)
-    effort = motor.effort + motor.position_gain * (motor.position or 0.0)
+    effort = motor.effort + (motor.position_gain or 0.0) * (motor.position or 0.0)
     assert effort == pytest.approx(float(data.qfrc_actuator[0]), rel=1e-12)
     assert effort > 0.1
 
