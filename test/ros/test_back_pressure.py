@@ -4,11 +4,12 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from support.log_files import make
 from support.paths import ROOT
@@ -84,3 +85,20 @@ def test_a_reader_that_stands_still_is_named(tmp_path, peer):
         os.kill(reader.pid, signal.SIGCONT)
         reader.kill()
         reader.wait()
+
+
+def test_a_step_behind_a_pause_does_not_wait_for_what_was_read_before(tmp_path, peer):
+    """Readers tell every few seconds only what they have of a steady stream: the node stood still
+    until then."""
+    heard = peer.listen('joint_states', JointState)
+    with SimulatorProcess(tmp_path, '--no-record', rate=100.0).wait_running():
+        for _ in range(3):
+            begun = len(heard)
+            peer.until(lambda begun=begun: len(heard) > begun + 30, 'thirty ticks')
+            peer.call(SetBool, '/simulator/pause', data=True)
+            step = peer.client(Trigger, '/simulator/step')
+            asked, begin = step.call_async(Trigger.Request()), time.monotonic()
+            peer.until(asked.done, 'a step')
+            took = time.monotonic() - begin
+            assert took < 1.0
+            peer.call(SetBool, '/simulator/pause', data=False)

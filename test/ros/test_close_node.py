@@ -158,8 +158,9 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         talker.publish(message(ns + 2, guide=1.0))
         talker.publish(JointState(name=['encoder'], position=[1.0, 2.0]))
         talker.publish(JointState(name=['encoder'], position=[]))
+        talker.publish(JointState(name=['encoder'], position=[1.0], effort=[1.0, 2.0]))
         talker.publish(message(ns + 3, encoder=1e8))
-        keys = {'not_finite': '1', 'unknown_names': '1', 'wrong_lengths': '2', 'refused': '1'}
+        keys = {'not_finite': '1', 'unknown_names': '1', 'wrong_lengths': '3', 'refused': '1'}
         peer.until(lambda: keys.items() <= values(reports[-1], 'input')[2].items(), 'the counts')
         assert len(joints) == before
         late = re.compile(r'no usable input for .* too far away')

@@ -211,6 +211,62 @@ def test_encoders_begin_with_their_run(tmp_path: Path, peer) -> None:
     assert seen['plain'][0].velocity[0] == seen['late'][0].velocity[0] == 0.0
 
 
+def simulator(folder: Path, text: str, **given: Any) -> Simulator:
+    """A node in this process, paused at the start of a scene, without a log."""
+    (folder / 'scene.yaml').write_text(text)
+    given = {
+        'scene': str(folder / 'scene.yaml'),
+        'start_paused': True,
+        'status_line': False,
+        'record.enabled': False,
+        **given,
+    }
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = Simulator(StatusLine(stream=io.StringIO()), Stop(), overrides)
+    node.begin()
+    return node
+
+
+def test_the_velocity_of_an_encoder_does_not_depend_on_its_readers(tmp_path: Path, peer) -> None:
+    """A late reader had the mean velocity since the start, and in a pause 0."""
+    encoders = '{plain: {joint: crank_pin}, late: {joint: crank_pin, delay: 0.01, rate: 50}}'
+    text = f'mechanism: slider_crank\nsensors: {{encoder: {encoders}}}\n'
+    node = simulator(tmp_path, text + 'initial: {velocities: {B: [-4, 0]}}\n', rate=100.0)
+    topics = [f'/simulator/encoder/{name}' for name in ('plain', 'late')]
+    try:
+        run = node._control.run
+        for _ in range(9):
+            run.tick()
+        plain, late = (peer.listen(topic, JointState) for topic in topics)
+        peer.until(
+            lambda: all(node.count_subscribers(topic) for topic in topics), 'the subscriptions'
+        )
+        run.tick(whole=True)
+        run.send(record=False, whole=True)
+        peer.until(lambda: len(plain) == 2 and late, 'both encoders')
+    finally:
+        node.close()
+        node.destroy_node()
+    motion = Simulation(load_scene(tmp_path / 'scene.yaml')).run(0.1, every=10)
+    position = [sample.joints['crank_pin'].position for sample in motion]
+    assert math.isclose(plain[0].velocity[0], (position[10] - position[9]) / 0.01, rel_tol=1e-12)
+    assert plain[1].header == plain[0].header and plain[1].velocity == plain[0].velocity
+    assert math.isclose(late[0].velocity[0], (position[9] - position[7]) / 0.02, rel_tol=1e-12)
+
+
+def test_readers_of_sensors_that_do_not_follow_are_named(tmp_path: Path, peer) -> None:
+    text = 'mechanism: slider_crank\nsensors: {encoder: {joint: crank_pin}}\n'
+    node = simulator(tmp_path, text)
+    try:
+        sensors = node._outputs._sensors
+        assert sensors is not None and node._outputs.lagging == []
+        sensors.outputs['~/encoder'].lagging = True
+        assert node._outputs.lagging == ['~/encoder']
+    finally:
+        node.close()
+        node.destroy_node()
+
+
 def test_a_scene_whose_messages_are_missing_is_refused_and_the_node_lives(
     tmp_path: Path, peer, monkeypatch
 ) -> None:

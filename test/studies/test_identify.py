@@ -81,6 +81,18 @@ def test_starts_that_measurements_hardly_see_stay_slow() -> None:
             assert np.abs(window.chart.known @ start).max() < 1.0
 
 
+@pytest.mark.parametrize('begin', [0.9, 1.2])
+def test_messages_missing_over_a_singular_position(begin: float) -> None:
+    """The knee turns by more than half a turn without a measurement, once also where a window
+    begins: the recording was refused, as one with another sense or zero."""
+    joints = ('crank_pin', 'knee', 'guide')
+    true = Machine(scene(pin__viscous=0.4, rail__viscous=0.25), joints, 3.0)
+    kept = (true.t < begin) | (true.t > begin + 0.7)
+    recording = recorded(true.t[kept], dict(zip(joints, true.x[kept].T, strict=True)))
+    found = identify(scene(), recording, ['pin.viscous', 'rail.viscous'], window=1.0)
+    assert np.allclose(found.values, [0.4, 0.25], rtol=1e-6)
+
+
 def test_runs_that_are_not_resolved_are_told() -> None:
     """As of any run with steps that are too long; the fit of the others says nothing."""
     assert fitted().trouble == ''

@@ -218,6 +218,10 @@ def test_what_would_be_another_motion_is_refused(tmp_path: Path) -> None:
         ([_states(begin=0)[0]], '/joint_states: measurements without stamps'),
         ([*_states(begin=10**9), _effort(NOW)], "got '1.76e+09 s behind them'"),
         ([*state, _effort(10**9)], "got '1.76e+09 s before them'; expected stamps of one clock"),
+        (
+            [*state, _effort(late), wrench('/coupler', 10**9, [1, 0, 0])],
+            "coupler: its wrench is at other times than the measurements, got '1.76e+09 s before",
+        ),
         ([*state, _effort(late, position=[0.9])], 'a position that no motor of the scene follows'),
         (
             [*state, _effort(late, effort=[np.inf])],

@@ -75,10 +75,12 @@ class ActiveInput:
         """
         self.counts['messages'] += 1
         names, positions, velocities = message.name, message.position, message.velocity
-        if len(positions) != len(names) or len(velocities) not in (0, len(names)):
+        optional = {len(velocities), len(message.effort)} - {0}
+        if len(positions) != len(names) or not optional <= {len(names)}:
             self._note(
                 'wrong_lengths',
-                f'{len(names)} names, {len(positions)} positions, {len(velocities)} velocities',
+                f'{len(names)} names, {len(positions)} positions, {len(velocities)} velocities, '
+                f'{len(message.effort)} efforts',
             )
             return False
         if len(set(names)) != len(names):  # either value could be the right one

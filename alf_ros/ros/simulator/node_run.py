@@ -208,10 +208,11 @@ class NodeRun:
         """Publish and log the present state; `whole`: with topics that are not shown at every
         tick."""
         t, near = self.simulation.t, False
+        hold = self.free and record  # a state that is sent again waits for nobody
         if abs(t - self._looked) > DISTANCE_PERIOD - _SHORT:
             near, self._looked = self._outputs.diagnostics.wanted, t
         try:
-            found = self._outputs.send(self.simulation, self.stamp, record, whole, near, self.free)
+            found = self._outputs.send(self.simulation, self.stamp, record, whole, near, hold)
         except StepError as error:
             self.failure = error
         else:

@@ -197,7 +197,9 @@ class Outputs:
     @property
     def lagging(self) -> list[str]:
         """Topics with a reliable reader that did not follow ticks as fast as possible."""
-        return [name for name, output in self.samples.items() if output.lagging]
+        sensors = self._sensors.outputs if self._sensors is not None else {}
+        every = {**self.samples, **sensors}
+        return [name for name, output in every.items() if output.lagging]
 
     def costs(self) -> dict[str, TopicCost]:
         """The cost of each topic since the last call. A read of several topics counts as the

@@ -43,8 +43,9 @@ def check_types(scene: Scene) -> None:
 class SensorOutputs:
     """Publishes and records what the sensors of `scene` measure.
 
-    A measurement is computed if somebody subscribes, or the log takes it. `prefix` precedes the
-    names of frames. Raises InputError for a sensor whose messages are not installed.
+    A measurement is computed if somebody subscribes, or the log takes it, or the next one depends
+    on it. `prefix` precedes the names of frames. Raises InputError for a sensor whose messages are
+    not installed.
     """
 
     def __init__(self, node: Node, scene: Scene, prefix: str) -> None:
@@ -92,15 +93,19 @@ class SensorOutputs:
         due = []
         for label, topic in self._topics.items():
             keep = record and topic.output.recorder is not None
-            if (keep or topic.output.published) and self._is_due(topic, ns):
-                due.append((label, topic, keep))
+            wanted = keep or topic.output.published
+            if (wanted or self._sensors.remembers(label)) and self._is_due(topic, ns):
+                due.append((label, topic, keep, wanted))
         if not due and not self._sensors.follows:
             return
         sample = simulation.sample()
         self._sensors.follow(sample)
-        for label, topic, keep in due:
+        for label, topic, keep, wanted in due:
             begun = time.thread_time()
-            data = topic.write(self._sensors.read(sample, (label,))[label], ns)
+            measured = self._sensors.read(sample, (label,))[label]
+            if not wanted:
+                continue
+            data = topic.write(measured, ns)
             topic.made += time.thread_time() - begun
             topic.output.hand_on(data, ns, topic.output.published, keep, hold)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import time
+from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -46,7 +47,9 @@ class Output:
         self.topic = self._publisher.topic_name
         self._subscribed = False
         self.lagging = False  # a reliable reader did not follow ticks as fast as possible
-        self._unacknowledged = 0  # messages since all readers had all of them, at most
+        self._unacknowledged = False  # whether readers may lack messages
+        # Of the messages in the history that readers may lack, whether they must not.
+        self._kept: deque[bool] = deque(maxlen=max(1, self.qos.depth))
         self.sent = 0.0  # s spent to publish
         self.logged = 0  # bytes given to the log
 
@@ -93,14 +96,18 @@ class Output:
         self, data: bytes, ns: int, publish: bool, record: bool, hold: bool = False
     ) -> None:
         """Publish a message, and write it to the log; `hold`: wait for reliable readers first, if
-        the history of the publisher is full of what they may not have."""
+        the history of the publisher is full, and gives up a held message that they may not have.
+
+        Others do not count: readers have them, but tell so every few seconds only.
+        """
         if publish:
-            if hold and self._unacknowledged >= self.qos.depth:
+            if hold and len(self._kept) == self._kept.maxlen and self._kept[0]:
                 self._await_readers()
             begun = time.thread_time()
             self._publisher.publish(data)
             self.sent += time.thread_time() - begun
-            self._unacknowledged += 1
+            self._unacknowledged = True
+            self._kept.append(hold)
         if record and self.recorder is not None:
             self._recorded = self._period(ns)
             self.logged += len(data)
@@ -120,4 +127,5 @@ class Output:
         wait = Duration(seconds=0.0 if self.lagging else PATIENCE)
         with suppress(RuntimeError):  # a middleware that cannot tell
             self.lagging = not self._publisher.wait_for_all_acked(wait)
-        self._unacknowledged = 0
+        self._unacknowledged = False
+        self._kept.clear()

@@ -57,6 +57,10 @@ class Sensors:
         """Whether a sensor needs to see every sample."""
         return bool(self._delayed)
 
+    def remembers(self, label: str) -> bool:
+        """Whether a measurement of this sensor depends on the one before."""
+        return isinstance(self._measures[label], _Encoder)
+
     def follow(self, sample: Sample) -> None:
         """Let delayed encoders remember the positions of a sample."""
         for each in self._delayed:
@@ -250,7 +254,7 @@ class _Encoder(_Measure):
     def forget(self) -> None:
         """Begin without a past."""
         self._past: deque[_Instant] = deque()  # of the last delay, and one before
-        self._last = (math.nan, 0.0)  # time and result of the last measurement
+        self._last = (math.nan, 0.0, 0.0)  # time and result of the last measurement
 
     def remember(self, before: _Encoder) -> None:
         """Continue with the past of another one."""
@@ -272,9 +276,12 @@ class _Encoder(_Measure):
             position = self._remembered(sample.t - self.delay)
         count = self._said.resolution
         position = position if count is None else _whole(position, count)
-        before, last = self._last
-        self._last = sample.t, position
-        rate = (position - last) / (sample.t - before) if sample.t > before else 0.0
+        before, last, rate = self._last
+        if sample.t > before:
+            rate = (position - last) / (sample.t - before)
+        elif sample.t != before or position != last:  # else it is measured again
+            rate = 0.0
+        self._last = sample.t, position, rate
         return {'position': np.array([position]), 'velocity': np.array([rate])}
 
     def _remembered(self, t: float) -> float:

@@ -7,6 +7,7 @@ ones, and its loops are closed again. So it stays on its branch.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -33,6 +34,7 @@ _FAST = 3.0  # times the fastest that a joint is recorded: the deviation of its 
 _STEP, _STEPS, _PLACES = 0.1, 2, 12  # of the size; of a place; on a way
 _WAYS = 4  # at most
 _UNTOLD = 1e-6  # of the largest singular value of the joints
+_MISSING = 5.0  # usual times between measurements: a longer one is a gap
 _FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
 
 
@@ -49,9 +51,14 @@ class PostureTrack:
         self._joints = np.array([n for n, _ in self._of], dtype=np.int64)
         self._readings = JointReadings(model, (), self._joints.tolist())
         self._angles = self._readings.is_angle
-        each = zip(self._of, self._angles, strict=True)
-        self._usual = np.array([_usual(c, bool(angle)) for (_, c), angle in each]).T
+        self._wraps = [
+            bool(angle) and _wraps(c) for (_, c), angle in zip(self._of, self._angles, strict=True)
+        ]
+        each = zip(self._of, self._wraps, strict=True)
+        self._usual = np.array([_usual(c, wraps) for (_, c), wraps in each]).T
         self._times = np.unique(np.concatenate([c.t for _, c in self._of]))
+        apart = np.diff(self._times)
+        self._gap = _MISSING * float(np.median(apart)) if apart.size else math.inf
         self._t: float | None = None
         self._q, self._turns = state.q, state.turns
         self._going = np.zeros_like(state.q)  # q̇, as far as no joint tells it
@@ -141,13 +148,32 @@ class PostureTrack:
             self._t = t
             self._count_turns(self._smooth(t)[0])
         between = self._times[(self._times > self._t) & (self._times < t)]
-        raw = np.array([np.interp(between, c.t, c.values) for _, c in self._of]).T
-        for at, measured in zip(between.tolist(), raw, strict=True):
+        instants = np.array([self._t, *between, t])
+        before, *raw = self._between(instants)
+        missing = np.diff(instants) > self._gap
+        each = zip([*between.tolist(), t], raw, missing.tolist(), strict=True)
+        for at, measured, is_gap in each:
+            if is_gap:
+                self._over_gap(before, measured, at)
             if np.abs(self._off(measured)).max(initial=0.0) > _TURN:
                 self._go(self._smooth(at)[0], at, 0.5 * _TURN)
+            before = measured
         self._go(self._smooth(t)[0], t, 0.0)
         self._t = t
         self._check(self._off(self._smooth(t)[0]))
+
+    def _between(self, times: Floats) -> Floats:
+        """(times, joints) between the measurements, angles without jumps of whole turns."""
+        each = zip(self._of, self._wraps, strict=True)
+        values = [(c.t, np.unwrap(c.values) if wraps else c.values) for (_, c), wraps in each]
+        return np.array([np.interp(times, *each) for each in values]).T
+
+    def _over_gap(self, before: Floats, measured: Floats, t: float) -> None:
+        """Go straight from one measurement to the next over a gap between them: in one step joints
+        would go the shorter way round, and the mechanism could change its branch."""
+        parts = math.ceil(np.abs(measured - before).max(initial=0.0) / _TURN)
+        for part in np.linspace(0.0, 1.0, parts + 1)[1:-1]:
+            self._go(before + part * (measured - before), t, 0.5 * _TURN)
 
     def _check(self, off: Floats) -> None:
         """Raises InputError if a joint is far from where it was recorded."""
@@ -216,8 +242,8 @@ class PostureTrack:
 
     def _smooth(self, t: float) -> tuple[Floats, Floats]:
         each = [
-            _parabola(channel, t, bool(angle))
-            for (_, channel), angle in zip(self._of, self._angles, strict=True)
+            _parabola(channel, t, wraps)
+            for (_, channel), wraps in zip(self._of, self._wraps, strict=True)
         ]
         return np.array([x for x, _ in each]), np.array([v for _, v in each])
 
@@ -236,6 +262,11 @@ class PostureTrack:
 def wrapped(angle: Floats) -> Floats:
     """An angle (rad) to half a turn."""
     return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))
+
+
+def _wraps(angle: MeasuredChannel) -> bool:
+    """Whether recorded angles may jump by whole turns: else they span more, and count them."""
+    return float(np.ptp(angle.values)) <= 3.0 * np.pi  # a turn, and noise
 
 
 def _parabola(channel: MeasuredChannel, t: float, turns: bool) -> tuple[float, float]:

@@ -42,6 +42,15 @@ class RecordedInputs:
         """Of those in messages, ns."""
         return [stamp for stamp, _ in self._commands]
 
+    @property
+    def spans(self) -> dict[tuple[str, str], tuple[int, int]]:
+        """The first and the last stamp (ns) of each input in messages, by kind and name."""
+        found: dict[tuple[str, str], tuple[int, int]] = {}
+        for stamp, (kind, name, _) in self._commands:
+            first, last = found.get((kind, name), (stamp, stamp))
+            found[kind, name] = min(first, stamp), max(last, stamp)
+        return found
+
     def inputs(self, origin: int) -> tuple[HeldInput, ...]:
         """By time. `origin`: the stamp at which time is zero, ns. Raises InputError for stamps of
         a command that go back: messages of one sender are recorded in their order."""

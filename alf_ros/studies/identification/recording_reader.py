@@ -27,7 +27,7 @@ from alf_ros.studies.identification.recording import KINDS, MeasuredChannel, Rec
 _JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped'
 _STRING = 'std_msgs/msg/String'
 _NS = 1e-9  # s
-_DAY = 86_400_000_000_000  # ns: inputs that far before all measurements have another clock
+_DAY = 86_400_000_000_000  # ns: inputs that far from all measurements have another clock
 _LATE = 10  # messages that may overtake one; stamps that go back further are of another run
 
 
@@ -237,7 +237,8 @@ class _Reader:
             self._check_clocks()
 
     def _check_clocks(self) -> None:
-        """Refuse inputs of which none can have acted while anything was measured."""
+        """Refuse inputs of which none can have acted while anything was measured, and each input
+        with another clock."""
         measured = [told for pieces in self._joints.values() for told, _ in pieces]
         given = self._inputs.stamps
         if not measured or not given:
@@ -252,6 +253,16 @@ class _Reader:
                 value=f'{beside} them',
                 expected='stamps of one clock',
             )
+        for (kind, name), (first, last) in self._inputs.spans.items():
+            apart = max(first - end, begin - last)
+            if apart > _DAY:
+                raise InputError(
+                    f'its {kind} is at other times than the measurements',
+                    file=str(self._path),
+                    key=name,
+                    value=f'{apart * _NS:g} s {"behind" if first > end else "before"} them',
+                    expected='stamps of one clock',
+                )
 
 
 def _parts(path: Path) -> list[Path]:
