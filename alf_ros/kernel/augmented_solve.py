@@ -12,6 +12,7 @@ from alf_ros.kernel.augmented_residuals import (
     residuals,
     update_rows,
 )
+from alf_ros.kernel.companion import is_accompanied
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
 from alf_ros.kernel.data import (
     EPS,
@@ -28,7 +29,7 @@ from alf_ros.kernel.data import (
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.numba_ext.calls import call_for_number
 from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
-from alf_ros.kernel.numba_ext.vectors import largest, zero
+from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.stopping import LEFT
 from alf_ros.kernel.triangular_solve import solve, step_by
@@ -195,8 +196,12 @@ def velocities(problem: Problem, exactly: bool) -> tuple[int, float]:
     iterations, and about the least singular value σ: infinite if no mode is slow, 0 if one is slow
     and the solve must not be finished.
     """
-    begin_velocities(problem.unit, problem.system, problem.work)
-    return solved(problem, problem.work.p, problem.work.qd, exactly)  # (33)
+    work = problem.work
+    begin_velocities(problem.unit, problem.system, work)
+    result = solved(problem, work.p, work.qd, exactly)  # (33)
+    if is_accompanied(problem):
+        copy(work.y, work.sigma)
+    return result
 
 
 @inner

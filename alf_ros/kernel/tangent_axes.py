@@ -18,8 +18,9 @@ from alf_ros.kernel.numba_ext.lane_numbers import everywhere
 from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of, section, set_lane
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import Lanes
-from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.numba_ext.vectors import copy, copy_first, zero
 from alf_ros.kernel.status import OK, UNFOLLOWED
+from alf_ros.kernel.tangent_arcs import adds_arcs, begin_arcs, fold_arcs, unfold_arcs
 from alf_ros.kernel.tangent_solves import group_of
 
 
@@ -53,8 +54,11 @@ def accept_tangents(tangents: Tangents, phase: Phase) -> int:
 
 
 @inner
-def begin_tangents(tangents: Tangents, problem: Problem) -> None:
-    """δq and δq̇ along the axes of the arcs where the step begins."""
+def begin_tangents(tangents: Tangents, problem: Problem, phase: Phase) -> None:
+    """What is added up of the tangents, where the step begins at `phase`."""
+    if adds_arcs(problem):
+        begin_arcs(tangents, problem, phase)
+        return
     n = problem.work.p.size
     for k in range(tangents.groups):
         at = TWO * k * n
@@ -89,11 +93,24 @@ def _from_axes(problem: Problem, u: Lanes) -> None:
 
 
 @inner
+def take_first_tangents(tangents: Tangents, problem: Problem) -> None:
+    """δq and δq̇ of the first stage of a step that adds up arcs."""
+    copy(tangents.first_q, tangents.q)
+    copy(tangents.first_qd, tangents.qd)
+    if adds_arcs(problem):
+        zero(tangents.place)
+        copy(tangents.start, tangents.xi)
+
+
+@inner
 def unfold_tangents(
     tangents: Tangents, problem: Problem, t: float, s: np.uint64, h: float
 ) -> None:
     """δq and δq̇ of stage s at t (s), from the rates of the stages before; with s past the last
-    stage, of the end of the step."""
+    stage, of the end of the step. Along arcs δp stands in the place of δq̇."""
+    arcs = adds_arcs(problem)
+    if arcs:
+        copy_first(problem.work.total, tangents.place, problem.work.p.size)
     start, rates, part, of = tangents.start, tangents.rates, tangents.part, tangents.of
     method, work = problem.method, problem.work
     n, whole, stages, many = work.p.size, work.q.size, method.b.size, ZERO
@@ -112,17 +129,26 @@ def unfold_tangents(
                 u += part[c] * rates[at]
                 v += part[c] * rates[at + n]
             q[a], qd[a] = u, v
+            if arcs:
+                at = TWO * k * n + a
+                tangents.xi[at], tangents.xi[at + n] = u, v
         for a in each(n, whole):  # fixed blocks
             q[a], qd[a] = tangents.first_q[k * whole + a], 0.0
         drive_tangents(tangents, t, k)
-        if work.chart.arcs[0] > 0:
+        if arcs:
+            unfold_arcs(tangents, problem, k)
+        elif work.chart.arcs[0] > 0:
             _from_axes(problem, q)
             _from_axes(problem, qd)
 
 
 @inner
 def fold_tangents(tangents: Tangents, problem: Problem, s: np.uint64) -> None:
-    """The rates of δq and δq̇ of stage s along the axes of the arcs, which turn."""
+    """The rates of stage s of what is added up."""
+    if adds_arcs(problem):
+        for k in range(tangents.groups):
+            fold_arcs(tangents, problem, k, s)
+        return
     unit, arms, work = problem.unit, problem.system.arms, problem.work
     chart, n, stages = work.chart, work.p.size, problem.method.b.size
     D = np.uint64(len(unit))

@@ -3,6 +3,7 @@
     for each stage:  q, q̇, q̈, λ and the factor of the stage, as in `step`
         for each group of parameters:
             δq, δq̇ = those of the begin + h Σ_m a_sm (rates)_m    # unfold_tangents
+            or, along arcs, δq and δp, and from these δq̇          # project_tangents
             δq̈                                                    # differentiate
             rates of δq, δq̇                                       # fold_tangents
     at the end, δq and δq̇ onto their constraints, along M         # `tangent_step`
@@ -14,26 +15,31 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.kernel.data import Problem, Tangents
+from alf_ros.kernel.data import Phase, Problem, Tangents
 from alf_ros.kernel.numba_ext.jit import TWO, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.step_tape import store_multipliers
-from alf_ros.kernel.tangent_axes import begin_tangents, fold_tangents, unfold_tangents
+from alf_ros.kernel.tangent_arcs import adds_arcs
+from alf_ros.kernel.tangent_axes import (
+    begin_tangents,
+    fold_tangents,
+    take_first_tangents,
+    unfold_tangents,
+)
 from alf_ros.kernel.tangent_lane_solve import LEAVE
-from alf_ros.kernel.tangent_stage import differentiate
+from alf_ros.kernel.tangent_stage import differentiate, project_tangents
 
 
 @expanded
-def begin_following(tangents: Tangents, problem: Problem, begun: bool) -> None:
-    """Begin a step, whose arcs are chosen; `begun`: stage 0 comes from a step that was
+def begin_following(tangents: Tangents, problem: Problem, phase: Phase, begun: bool) -> None:
+    """Begin a step from `phase`, whose arcs are chosen; `begun`: stage 0 comes from a step that was
     too long."""
-    begin_tangents(tangents, problem)
+    begin_tangents(tangents, problem, phase)
     tangents.followed[1] = 1
     if not begun:
         tangents.followed[0] = 1
         return
-    copy(tangents.first_q, tangents.q)
-    copy(tangents.first_qd, tangents.qd)
+    take_first_tangents(tangents, problem)
     copy(tangents.first_qdd, tangents.qdd)
     fold_tangents(tangents, problem, np.uint64(0))
 
@@ -53,7 +59,14 @@ def follow_stage(tangents: Tangents, problem: Problem, t: float, s: np.uint64, x
         return
     if s > 0:  # of the first stage they are stored already
         store_multipliers(tangents.lam, problem.work.y)
-    unfold_tangents(tangents, problem, t, s, problem.work.interval[TWO])
+    arcs = adds_arcs(problem)
+    if arcs and s == 0:
+        take_first_tangents(tangents, problem)
+    else:
+        unfold_tangents(tangents, problem, t, s, problem.work.interval[TWO])
+        if arcs and not project_tangents(tangents, problem, tangents.here, LEAVE):
+            tangents.followed[1] = 0
+            return
     differentiate(tangents, problem, tangents.here, t, LEAVE)
     if s == 0:
         copy(tangents.qdd, tangents.first_qdd)

@@ -75,6 +75,60 @@ def project_velocity(
     tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64, slow_modes: np.uint64
 ) -> bool:
     """Bring δq̇ of group k onto Φ_q δq̇ = -(δΦ_q) q̇ along M, at q and q̇ of the stage."""
+    _open_velocities(tangents, problem, at, k)
+    dqd = group_of(tangents, tangents.qd, k)
+    return _solve_along_mass(tangents, problem, at, dqd, slow_modes)
+
+
+@inner
+def velocity_of_momentum(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64, slow_modes: np.uint64
+) -> bool:
+    """δq̇ of group k from δp, which stands in its place, at q, q̇ and σ of the stage (33)."""
+    work, f = at.work, tangents.f
+    dqd = group_of(tangents, tangents.qd, k)
+    copy(dqd, f)
+    for a in each(0, work.p.size):
+        dqd[a] = 0.0
+    if tangents.mass_changes[k] != 0:
+        add_mass_change(problem, tangents, k, -1.0, work.qd)
+    _subtract_turned_rows(tangents, problem, at, k)
+    _open_velocities(tangents, problem, at, k)
+    zero(at.y)
+    copy(f, at.delta)
+    _add_rows(problem, at)
+    unknown = 0.0 * f[0] + np.inf
+    return solved_together(tangents, problem, at, dqd, slow_modes, UNDER_FORCES, unknown)
+
+
+@inner
+def _subtract_turned_rows(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64
+) -> None:
+    """f -= (δΦ_q)ᵀ σ of group k."""
+    unit, rows, work, f = problem.unit, problem.system.rows, at.work, tangents.f
+    dq = group_of(tangents, tangents.q, k)
+    for r in each(0, rows.i.size):
+        d = work.sigma[r] * (block(unit, dq, rows.i[r]) - block(unit, dq, rows.j[r]))
+        subtract(f, rows.i[r], d)
+        if r < rows.both:
+            add(f, rows.j[r], d)
+    for r in each(0, rows.movable.size):
+        sigma = work.sigma[rows.i.size + r]
+        for e in each(rows.first[r], rows.movable[r]):
+            for n in each(rows.first_term[e], rows.first_term[e + ONE]):
+                d = times(unit, rows.term, n, block(unit, dq, rows.term_block[n]))
+                subtract(f, rows.block[e], sigma * d)
+            if tangents.rows_change[k] != 0:
+                d = _changed_entry(unit, rows, tangents, k, e, work.q)
+                subtract(f, rows.block[e], sigma * d)
+
+
+@inner
+def _open_velocities(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64
+) -> None:
+    """-(δΦ_q) q̇ - Φ_q δq̇ of group k into r2 of the stage."""
     unit, rows, qd = problem.unit, problem.system.rows, at.work.qd
     dq, dqd = group_of(tangents, tangents.q, k), group_of(tangents, tangents.qd, k)
     for r in each(0, rows.i.size):
@@ -92,7 +146,6 @@ def project_velocity(
                 g = _changed_entry(unit, rows, tangents, k, e, at.work.q)
                 s -= dot(block(unit, qd, rows.block[e]), g)
         at.r2[rows.i.size + r] = s
-    return _solve_along_mass(tangents, problem, at, dqd, slow_modes)
 
 
 @inner
@@ -159,7 +212,7 @@ def accelerate_tangents(
     dq, dqd = group_of(tangents, tangents.q, k), group_of(tangents, tangents.qd, k)
     m1, lam = rows.i.size, tangents.lam
     if tangents.mass_changes[k] != 0:
-        _subtract_mass_change(problem, tangents, k, work.qdd)
+        add_mass_change(problem, tangents, k, -1.0, work.qdd)
     for r in each(0, m1):
         i, j = rows.i[r], rows.j[r]
         d = block(unit, dq, i) - block(unit, dq, j)
@@ -277,23 +330,25 @@ def change_forces(
 
 
 @expanded
-def _subtract_mass_change(problem: Problem, tangents: Tangents, k: np.uint64, qdd: Floats) -> None:
-    """f -= δM q̈."""
+def add_mass_change(
+    problem: Problem, tangents: Tangents, k: np.uint64, s: float, v: Floats
+) -> None:
+    """f += s δM v."""
     unit, mass, f = problem.unit, problem.system.mass, tangents.f
     D = np.uint64(len(unit))
     for i in each(0, mass.diagonal.size):
-        subtract(f, i, tangents.mass_diagonal[k * mass.diagonal.size + i] * block(unit, qdd, i))
+        add(f, i, tangents.mass_diagonal[k * mass.diagonal.size + i] * (s * block(unit, v, i)))
     for n in each(0, mass.i.size):
-        i, j, m = mass.i[n], mass.j[n], tangents.mass_k[k * mass.i.size + n]
-        subtract(f, i, m * block(unit, qdd, j))
-        subtract(f, j, m * block(unit, qdd, i))
+        i, j, m = mass.i[n], mass.j[n], s * tangents.mass_k[k * mass.i.size + n]
+        add(f, i, m * block(unit, v, j))
+        add(f, j, m * block(unit, v, i))
     for n in each(0, mass.skew.size):
         i, j = mass.i[mass.skew[n]] * D, mass.j[mass.skew[n]] * D
-        w = tangents.mass_w[k * mass.skew.size + n]
-        f[i] += w * qdd[j + ONE]
-        f[i + ONE] -= w * qdd[j]
-        f[j] -= w * qdd[i + ONE]
-        f[j + ONE] += w * qdd[i]
+        w = s * tangents.mass_w[k * mass.skew.size + n]
+        f[i] -= w * v[j + ONE]
+        f[i + ONE] += w * v[j]
+        f[j] += w * v[i + ONE]
+        f[j + ONE] -= w * v[i]
 
 
 @inner

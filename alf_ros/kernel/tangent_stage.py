@@ -24,6 +24,7 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED, store_multipliers
 from alf_ros.kernel.support_places import PLACES, apart, store_place, weigh_places
+from alf_ros.kernel.tangent_arcs import adds_arcs
 from alf_ros.kernel.tangent_lane_solve import FINISH
 from alf_ros.kernel.tangent_solves import (
     accelerate_tangents,
@@ -33,6 +34,7 @@ from alf_ros.kernel.tangent_solves import (
     group_of,
     project_position,
     project_velocity,
+    velocity_of_momentum,
 )
 
 # spacing of the support positions, in parts of the radius of the path: rounding leaves
@@ -131,7 +133,7 @@ def _singular_place(work: Work) -> float:
 def project_tangents(
     tangents: Tangents, problem: Problem, at: FollowedStage, slow_modes: np.uint64
 ) -> bool:
-    """δq and δq̇ onto their constraints, at q, q̇ of the stage.
+    """δq and δq̇ onto their constraints, at q, q̇ of the stage, or δq̇ from δp, at its σ.
 
     `slow_modes` and the result are as for `tangent_lane_solve.solved_together`.
     """
@@ -140,7 +142,9 @@ def project_tangents(
     for k in range(tangents.groups):
         if good:
             good = project_position(tangents, problem, at, k, slow_modes)
-        if good:
+        if good and adds_arcs(problem):
+            good = velocity_of_momentum(tangents, problem, at, k, slow_modes)
+        elif good:
             good = project_velocity(tangents, problem, at, k, slow_modes)
     return good
 

@@ -79,7 +79,7 @@ def _follow(
     elif what == FIRST_STAGE:
         store_multipliers(tangents.lam, problem.work.y)
     elif what == BEGIN_STEP:
-        begin_following(tangents, problem, s > 0)
+        begin_following(tangents, problem, phase, s > 0)
     elif what == STAGE:
         follow_stage(tangents, problem, t, s, x)
     elif what == ADDED_UP:
@@ -145,8 +145,9 @@ def carry_again(
     curve_path(problem)
     x = min(sigma, felt) / system.ordinary
     scales = scales_of(system, work, phase)
-    begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
-    begin_tangents(tangents, problem)
+    turned = 0.0 if len(unit) == 2 else h  # the step is taken along no arcs
+    begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, turned))
+    begin_tangents(tangents, problem, phase)
     stages = method.b.size
     for s in range(stages):
         add_up(method, work, s, h)

@@ -63,7 +63,7 @@ _OF_BLOCKS = tuple(
     'q qd qdd Q delta shift base given bend pull along target good_q good_qd'.split()
 )
 _OF_MOVABLE = ('p', 'before_q', 'before_qd', 'sum', 'sum_q', 'sum_qd', 'curve')
-_OF_ROWS = ('r2', 'y', 'z', 'w')
+_OF_ROWS = ('r2', 'y', 'z', 'w', 'sigma')
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
 
 

@@ -189,6 +189,8 @@ def tangents_of(
         'params': groups * effects.params.size,
         **dict.fromkeys(('drive_changes', 'drive_slopes', 'drive_qdd'), 0),
         'start': 2 * groups * n,
+        **dict.fromkeys(('xi', 'axes'), 2 * groups * n if D == 2 else 0),
+        'bend': groups * n // D if D == 2 else 0,
         'rates': 2 * groups * stages * n,
         **dict.fromkeys(_OF_GROUPS, groups * whole),
         'f': whole,
@@ -201,6 +203,7 @@ def tangents_of(
         'g2d': rows.block.size * D,
         **dict.fromkeys(('term_qd', 'term_qdd'), rows.term_block.size * D),
         'part': stages,
+        'place': n if D == 2 else 0,
         **dict.fromkeys(('Q', 'lane_f', 'lane_x'), whole),
         **dict.fromkeys(('drive_params', 'drive_registers'), 0),
     }

@@ -72,8 +72,11 @@ class Tangents(Struct):
     first_q: Lanes  # (groups, all blocks D) δq where the step begins
     first_qd: Lanes  # (groups, all blocks D) δq̇
     first_qdd: Lanes  # (groups, all blocks D) δq̈
-    start: Lanes  # (groups, 2, movable D) δq and δq̇ there, in the axes of the arcs
+    start: Lanes  # (groups, 2, movable D) what a step adds up, there: δq and δq̇, or δξ and δw
     rates: Lanes  # (groups, stages, 2, movable D) their rates in the stages
+    xi: Lanes  # (groups, 2, movable D) δξ and δw of the stage, as these, see `tangent_arcs`
+    axes: Lanes  # (groups, movable, 2, D) δt and δn of the arcs
+    bend: Lanes  # (groups, movable) δκ
     q: Lanes  # (groups, all blocks D) δq of the stage
     qd: Lanes  # (groups, all blocks D) δq̇
     qdd: Lanes  # (groups, all blocks D) δq̈
@@ -83,6 +86,7 @@ class Tangents(Struct):
     whole_qd: Lanes  # (groups, all blocks D)
     whole_qdd: Lanes  # (groups, all blocks D)
     pushed: Lanes  # (groups, all blocks D) δQ of that stage
+    place: Floats  # (movable D,) ξ of the stage
     lam: Floats  # (rows,) -λ of the stage
     even: Floats  # (terms,) c of the terms T = c I of `Rows`; NaN of others
     g2d: Floats  # (entries D,) Φ̇_q of the quadratic rows of the stage
