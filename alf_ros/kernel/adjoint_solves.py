@@ -83,6 +83,32 @@ def project_velocity_back(adjoint: Adjoint) -> int:
 
 
 @inner
+def velocity_of_momentum_back(adjoint: Adjoint) -> int:
+    """∂J/∂δq̇ behind `velocity_of_momentum`, in `qd`, into ∂J/∂δp; adds to ∂J/∂δq in `q`."""
+    problem = adjoint.tangents.problem
+    unit, rows, work = problem.unit, problem.system.rows, problem.work
+    u, g, g2 = adjoint.u, adjoint.g, adjoint.g2
+    count = _solve_back(adjoint, adjoint.qd)
+    for r in range(work.y.size):
+        work.y[r] = -work.y[r]
+    add_transposed(unit, rows, work.g, work.g2, work.y, adjoint.qd)
+    for a in range(work.p.size):  # prescribed blocks alone keep what they had
+        adjoint.qd[a] = u[a]
+    take_mass_back(adjoint, -1.0, u, work.qd)
+    for r in each(0, rows.i.size):
+        i, j = rows.i[r], rows.j[r]
+        d = work.y[r] * (block(unit, work.qd, i) - block(unit, work.qd, j))
+        put(g, r, d - work.sigma[r] * (block(unit, u, i) - block(unit, u, j)))
+    for r in each(0, rows.movable.size):
+        w, sigma = work.y[rows.i.size + r], work.sigma[rows.i.size + r]
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            at = rows.block[e]
+            put(g2, e, w * block(unit, work.qd, at) - sigma * block(unit, u, at))
+    _take_rows_back(adjoint)
+    return count
+
+
+@inner
 def accelerate_back(adjoint: Adjoint) -> int:
     """∂J/∂δq̈, in `qdd`, into ∂J/∂δQ, in `u`; adds to ∂J/∂δq and ∂J/∂δq̇ in `q` and `qd`, but
     without the part of δQ, and to ∂J/∂δs̈ behind the movable blocks of `qdd`. At q, q̇, q̈ in
@@ -91,7 +117,7 @@ def accelerate_back(adjoint: Adjoint) -> int:
     unit, rows, work = problem.unit, problem.system.rows, problem.work
     u, g, g2 = adjoint.u, adjoint.g, adjoint.g2
     count = _solve_back(adjoint, adjoint.qdd)
-    _take_mass_back(adjoint)
+    take_mass_back(adjoint, -1.0, u, work.qdd)
     for r in each(0, rows.i.size):
         i, j, w = rows.i[r], rows.j[r], work.y[r]
         a = block(unit, work.qdd, i) - block(unit, work.qdd, j)
@@ -164,21 +190,21 @@ def _take_changes_back(adjoint: Adjoint, g: Floats, v: Floats, entries: np.uint6
 
 
 @inner
-def _take_mass_back(adjoint: Adjoint) -> None:
-    """∂J/∂δM, of f = -δM q̈."""
-    problem, u = adjoint.tangents.problem, adjoint.u
-    unit, mass, qdd = problem.unit, problem.system.mass, problem.work.qdd
+def take_mass_back(adjoint: Adjoint, s: float, u: Floats, v: Floats) -> None:
+    """∂J/∂ a vector s δM v, in u (movable D,), into ∂J/∂δM."""
+    problem = adjoint.tangents.problem
+    unit, mass = problem.unit, problem.system.mass
     D = np.uint64(len(unit))
     for i in each(0, mass.diagonal.size):
-        adjoint.mass_diagonal[i] -= dot(block(unit, u, i), block(unit, qdd, i))
+        adjoint.mass_diagonal[i] += s * dot(block(unit, u, i), block(unit, v, i))
     for n in each(0, mass.i.size):
         i, j = mass.i[n], mass.j[n]
-        adjoint.mass_k[n] -= dot(block(unit, u, i), block(unit, qdd, j))
-        adjoint.mass_k[n] -= dot(block(unit, u, j), block(unit, qdd, i))
+        adjoint.mass_k[n] += s * dot(block(unit, u, i), block(unit, v, j))
+        adjoint.mass_k[n] += s * dot(block(unit, u, j), block(unit, v, i))
     for n in each(0, mass.skew.size):
         i, j = mass.i[mass.skew[n]] * D, mass.j[mass.skew[n]] * D
-        across = u[i] * qdd[j + ONE] - u[i + ONE] * qdd[j]
-        adjoint.mass_w[n] += across - u[j] * qdd[i + ONE] + u[j + ONE] * qdd[i]
+        across = u[i] * v[j + ONE] - u[i + ONE] * v[j]
+        adjoint.mass_w[n] -= s * (across - u[j] * v[i + ONE] + u[j + ONE] * v[i])
 
 
 @inner

@@ -9,6 +9,7 @@ from alf_ros.kernel.adjoint_solves import (
     accelerate_back,
     project_position_back,
     project_velocity_back,
+    velocity_of_momentum_back,
 )
 from alf_ros.kernel.data import Adjoint
 from alf_ros.kernel.driven_tangents import take_drives_back
@@ -25,6 +26,7 @@ from alf_ros.kernel.step_tape import (
     store_multipliers,
 )
 from alf_ros.kernel.support_places import PLACES, apart
+from alf_ros.kernel.tangent_arcs import adds_arcs
 
 
 @inner
@@ -44,16 +46,19 @@ def take_stage_back(adjoint: Adjoint, t: float, k: np.uint64, s: np.uint64) -> i
         return 0
     if take_forces_back(adjoint, t, adjoint.u, adjoint.q, adjoint.qd) <= 0:
         return -1
-    if adjoint.tape.kind[s] == PROJECTED:
+    if adjoint.tape.kind[s] == PROJECTED or (s > 0 and adds_arcs(problem)):
         return take_projections_back(adjoint)
     return 1
 
 
 @inner
 def take_projections_back(adjoint: Adjoint) -> int:
-    """∂J/∂(δq, δq̇) behind their projections, in `q` and `qd`, into that before them, with the
-    factor and Φ_q in `work`."""
-    count = project_velocity_back(adjoint)
+    """∂J/∂(δq, δq̇) behind their projections, in `q` and `qd`, into that before them, or into
+    ∂J/∂(δq, δp), with the factor and Φ_q in `work`."""
+    if adds_arcs(adjoint.tangents.problem):
+        count = velocity_of_momentum_back(adjoint)
+    else:
+        count = project_velocity_back(adjoint)
     return project_position_back(adjoint) if count > 0 else count
 
 

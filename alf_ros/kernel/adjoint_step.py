@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.kernel.adjoint_arcs import begin_arcs_back, fold_arcs_back, unfold_arcs_back
 from alf_ros.kernel.adjoint_stage import take_projections_back, take_stage_back
 from alf_ros.kernel.adjoint_sums import take_fixed_back, take_sum_back
 from alf_ros.kernel.arc_coordinates import components, composed
@@ -35,10 +36,12 @@ from alf_ros.kernel.step_tape import (
     SIGMA,
     SPAN,
     restore_axes,
+    restore_recorded,
     restore_stages,
     restore_step,
 )
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_arcs import adds_arcs
 from alf_ros.kernel.tangent_step import carry_again
 
 
@@ -81,10 +84,18 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
         if not linear and not linearise(problem.unit, problem.system, work, work.q):
             return UNFOLLOWED
     else:
-        ended = adjoint.x, adjoint.u, nearest
+        ended = adjoint.x, adjoint.u, adjoint.ended, nearest
         result = carry_again(tangents, phase, ended, t, end, h, sigma, tape)
         if result != OK:
             return result
+    arcs = adds_arcs(problem)
+    if arcs:
+        restore_axes(tape, work, stages)
+        zero(adjoint.first_q)
+        zero(adjoint.first_qd)
+        zero(adjoint.xi)
+        zero(adjoint.axes)
+        zero(adjoint.bend)
     copy(adjoint.bar_q, adjoint.q)
     copy(adjoint.bar_qd, adjoint.qd)
     if tape.projected[0] != 0:  # q, q̇, Φ_q and factor of the end stand in `work`
@@ -99,24 +110,18 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
     for back in range(stages):
         s = stages - ONE - back
         ts = stage_time(t, end, h, method.c[s])
-        _fold_back(adjoint, s)
+        _fold_back(adjoint, k, s)
         count = take_stage_back(adjoint, ts, k, s)
         if count <= 0:
             return NO_ROOM if count < 0 else UNFOLLOWED
         _add_up_back(adjoint, ts, s, h)
         if told_to_stop(work):
             return STOPPED
-    for i in range(work.chart.sin.size):
-        work.chart.sin[i], work.chart.cos[i] = 0.0, 1.0
-    zero(adjoint.q)
-    zero(adjoint.qd)
     zero(adjoint.qdd)
-    for a in range(n):
-        adjoint.x[a] = adjoint.start[a]
-    _to_axes_back(adjoint, adjoint.q)
-    for a in range(n):
-        adjoint.x[a] = adjoint.start[n + a]
-    _to_axes_back(adjoint, adjoint.qd)
+    if arcs:
+        begin_arcs_back(adjoint)
+    else:
+        _begin_back(adjoint)
     take_drives_back(adjoint, t)
     for a in range(whole):
         adjoint.bar_q[a] = adjoint.q[a] if a < n else adjoint.bar_q[a] + adjoint.q[a]
@@ -125,25 +130,58 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
 
 
 @inner
-def _add_up_back(adjoint: Adjoint, t: float, s: np.uint64, h: float) -> None:
-    """∂J/∂(δq, δq̇) of stage s at t (s) as the step adds them up, or of its end, into the ones of
-    its begin and of the rates of the stages before."""
-    restore_axes(adjoint.tape, adjoint.tangents.problem.work, s)
-    _from_axes_back(adjoint, adjoint.q)
-    _from_axes_back(adjoint, adjoint.qd)
-    take_drives_back(adjoint, t)
-    take_fixed_back(adjoint)
-    take_sum_back(adjoint, adjoint.q, adjoint.qd, s, h)
+def _begin_back(adjoint: Adjoint) -> None:
+    """∂J/∂ what is added up where the step begins, into ∂J/∂(δq, δq̇), in `q` and `qd`."""
+    work = adjoint.tangents.problem.work
+    n = work.p.size
+    for i in range(work.chart.sin.size):
+        work.chart.sin[i], work.chart.cos[i] = 0.0, 1.0
+    zero(adjoint.q)
+    zero(adjoint.qd)
+    for a in range(n):
+        adjoint.x[a] = adjoint.start[a]
+    _to_axes_back(adjoint, adjoint.q)
+    for a in range(n):
+        adjoint.x[a] = adjoint.start[n + a]
+    _to_axes_back(adjoint, adjoint.qd)
 
 
 @inner
-def _fold_back(adjoint: Adjoint, s: np.uint64) -> None:
-    """∂J/∂ the rates of stage s into ∂J/∂(δq, δq̇, δq̈) of the stage, in `q`, `qd` and `qdd`."""
+def _add_up_back(adjoint: Adjoint, t: float, s: np.uint64, h: float) -> None:
+    """∂J/∂(δq, δq̇) of stage s at t (s) as the step adds them up, or of its end, into the ones of
+    its begin and of the rates of the stages before."""
+    problem = adjoint.tangents.problem
+    n, by_q, by_qd = problem.work.p.size, adjoint.q, adjoint.qd
+    restore_axes(adjoint.tape, problem.work, s)
+    if adds_arcs(problem):
+        if s > 0:
+            unfold_arcs_back(adjoint)
+        else:
+            for a in range(n):
+                adjoint.first_q[a] += adjoint.q[a]
+                adjoint.first_qd[a] += adjoint.qd[a]
+        by_q, by_qd = section(adjoint.xi, 0, n), section(adjoint.xi, n, n)
+    else:
+        _from_axes_back(adjoint, adjoint.q)
+        _from_axes_back(adjoint, adjoint.qd)
+    take_drives_back(adjoint, t)
+    take_fixed_back(adjoint)
+    take_sum_back(adjoint, by_q, by_qd, s, h)
+
+
+@inner
+def _fold_back(adjoint: Adjoint, k: np.uint64, s: np.uint64) -> None:
+    """∂J/∂ the rates of stage s of step k into ∂J/∂(δq, δq̇, δq̈) of the stage, in `q`, `qd` and
+    `qdd`."""
     problem, rates = adjoint.tangents.problem, adjoint.rates
     work = problem.work
     n = work.p.size
     at = TWO * s * n
     restore_axes(adjoint.tape, work, s)
+    if adds_arcs(problem):
+        restore_recorded(adjoint.record, adjoint.tangents, problem.method.b.size, k, s)
+        fold_arcs_back(adjoint, s)
+        return
     zero(adjoint.q)
     zero(adjoint.qd)
     zero(adjoint.qdd)

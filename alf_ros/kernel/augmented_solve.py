@@ -12,7 +12,6 @@ from alf_ros.kernel.augmented_residuals import (
     residuals,
     update_rows,
 )
-from alf_ros.kernel.companion import is_accompanied
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
 from alf_ros.kernel.data import (
     EPS,
@@ -199,8 +198,7 @@ def velocities(problem: Problem, exactly: bool) -> tuple[int, float]:
     work = problem.work
     begin_velocities(problem.unit, problem.system, work)
     result = solved(problem, work.p, work.qd, exactly)  # (33)
-    if is_accompanied(problem):
-        copy(work.y, work.sigma)
+    copy(work.y, work.sigma)
     return result
 
 

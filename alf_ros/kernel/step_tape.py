@@ -17,7 +17,7 @@ from alf_ros.kernel.companion import (
     told,
 )
 from alf_ros.kernel.data import Phase, Problem, StepRecord, Tangents, Tape, Work
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, by_address, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, by_address, inner
 from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.status import OK
@@ -88,6 +88,10 @@ def _record_step(
     followed = record.followed[0] != 0 and record.followed[1] != 0
     record.regular[k] = 1 if followed and not _is_beside(work, work.nearest[0]) else 0
     _record_chart(record, work, stages, k)
+    if record.wd.size > 0:
+        rows = work.sigma.size
+        at = (k * (stages + ONE) + stages) * rows
+        copy(work.sigma, section(record.sigma, at, rows))
     first = k * np.uint64(SPAN)
     record.span[first + np.uint64(SIGMA)] = sigma
     record.span[first + np.uint64(NEAREST)] = work.nearest[0]
@@ -155,7 +159,7 @@ def _record_ends(record: StepRecord, phase: Phase, work: Work) -> bool:
 
 @inner
 def _record_chart(record: StepRecord, work: Work, stages: np.uint64, k: np.uint64) -> None:
-    """The coordinates of step k, and how fast the axes of its arcs turned in its stages."""
+    """The coordinates of step k, and their rates in its stages."""
     chart, n = work.chart, work.p.size
     blocks = chart.sin.size
     for i in range(blocks):
@@ -167,9 +171,12 @@ def _record_chart(record: StepRecord, work: Work, stages: np.uint64, k: np.uint6
     for a in range(chart.b.size):
         record.b[k * n + a] = chart.b[a]
     for s in range(stages):
-        for i in range(blocks):
-            rate = work.k[s * THREE * n + i * (n // blocks)]
-            record.rate[(k * stages + s) * blocks + i] = rate
+        at, first = (k * stages + s) * n, s * THREE * n
+        copy(section(work.k, first, n), section(record.xid, at, n))
+        if record.wd.size > 0:
+            copy(section(work.k, first + TWO * n, n), section(record.wd, at, n))
+    if record.wd.size > 0:  # of the first stage, in these coordinates
+        copy(chart.momentum, section(record.w, k * (stages + ONE) * n, n))
 
 
 @inner
@@ -209,13 +216,18 @@ def _record_stage(
 
 @inner
 def _record_axes(record: StepRecord, work: Work, stages: np.uint64, s: np.uint64) -> None:
-    """How far the axes of the arcs have turned in stage s, or past the last stage at the end."""
-    blocks = work.chart.sin.size
-    at = (np.uint64(record.count[0]) * (stages + ONE) + s) * blocks
+    """Where stage s is on its arcs, or past the last stage the end of the step."""
+    blocks, n = work.chart.sin.size, work.p.size
+    at = np.uint64(record.count[0]) * (stages + ONE) + s
     if work.chart.arcs[0] == 0 or not has_room(record, work):
         return
     for i in range(blocks):
-        record.sin[at + i], record.cos[at + i] = work.chart.sin[i], work.chart.cos[i]
+        record.sin[at * blocks + i] = work.chart.sin[i]
+        record.cos[at * blocks + i] = work.chart.cos[i]
+    if record.wd.size > 0:
+        copy(section(work.total, 0, n), section(record.xi, at * n, n))
+        copy(work.chart.w, section(record.w, at * n, n))
+        copy(work.sigma, section(record.sigma, at * work.sigma.size, work.sigma.size))
 
 
 @inner
@@ -231,6 +243,7 @@ def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> 
     for i in range(blocks):
         chart.curvature[i] = record.curvature[k * blocks + i]
         arcs = arcs or chart.curvature[i] != 0.0
+    chart.arcs[0] = 0
     if not arcs:
         return
     for a in range(n):
@@ -241,9 +254,17 @@ def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> 
         at = k * (stages + ONE) * blocks + i
         tape.sin[i], tape.cos[i] = record.sin[at], record.cos[at]
     for s in range(stages):
-        for i in range(blocks):
-            rate = record.rate[(k * stages + s) * blocks + i]
-            work.k[s * THREE * n + i * (n // blocks)] = rate
+        at, first = (k * stages + s) * n, s * THREE * n
+        copy(section(record.xid, at, n), section(work.k, first, n))
+        if record.wd.size > 0:
+            copy(section(record.wd, at, n), section(work.k, first + TWO * n, n))
+    if record.wd.size > 0:
+        chart.arcs[0] = 1
+        copy(section(record.w, k * (stages + ONE) * n, n), chart.momentum)
+        copy(section(record.xi, k * (stages + ONE) * n, tape.xi.size), tape.xi)
+        copy(section(record.w, k * (stages + ONE) * n, tape.w.size), tape.w)
+        rows = work.sigma.size
+        copy(section(record.sigma, k * (stages + ONE) * rows, tape.sigma.size), tape.sigma)
 
 
 @inner
@@ -281,10 +302,16 @@ def store_axes(tape: Tape, work: Work, s: np.uint64) -> None:
 
 @inner
 def restore_axes(tape: Tape, work: Work, s: np.uint64) -> None:
-    """The same back into `work`."""
-    blocks = work.chart.sin.size
+    """The same back into `work`, and if the step adds up arcs in the plane, ξ, w and σ."""
+    chart, blocks, n = work.chart, work.chart.sin.size, work.p.size
     for i in range(blocks):
-        work.chart.sin[i], work.chart.cos[i] = tape.sin[s * blocks + i], tape.cos[s * blocks + i]
+        chart.sin[i], chart.cos[i] = tape.sin[s * blocks + i], tape.cos[s * blocks + i]
+    if tape.xi.size > 0 and chart.arcs[0] > 0:
+        copy(section(tape.xi, s * n, n), section(work.total, 0, n))
+        copy(section(tape.w, s * n, n), chart.w)
+        copy(section(tape.sigma, s * work.sigma.size, work.sigma.size), work.sigma)
+        for i in range(blocks):
+            chart.rho[i] = 1.0 - chart.curvature[i] * work.total[i * TWO + ONE]
 
 
 @inner

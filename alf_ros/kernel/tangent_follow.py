@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.data import Phase, Problem, Tangents
+from alf_ros.kernel.driven_tangents import drive_all_tangents
 from alf_ros.kernel.numba_ext.jit import TWO, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.step_tape import store_multipliers
@@ -32,7 +33,7 @@ from alf_ros.kernel.tangent_stage import differentiate, project_tangents
 
 @expanded
 def begin_following(tangents: Tangents, problem: Problem, phase: Phase, begun: bool) -> None:
-    """Begin a step from `phase`, whose arcs are chosen; `begun`: stage 0 comes from a step that was
+    """Begin a step from `phase`, with its arcs chosen; `begun`: stage 0 is of a step that was
     too long."""
     begin_tangents(tangents, problem, phase)
     tangents.followed[1] = 1
@@ -50,6 +51,16 @@ def is_followed(tangents: Tangents) -> bool:
     return tangents.followed[0] != 0 and tangents.followed[1] != 0
 
 
+@inner
+def follow_sums(tangents: Tangents, problem: Problem, t: float, s: np.uint64, h: float) -> None:
+    """δq and δq̇ of stage s at t (s), as the step adds them up; see `unfold_tangents`."""
+    if s == 0 and adds_arcs(problem):
+        take_first_tangents(tangents, problem)
+        drive_all_tangents(tangents, t)
+    else:
+        unfold_tangents(tangents, problem, t, s, h)
+
+
 @expanded
 def follow_stage(tangents: Tangents, problem: Problem, t: float, s: np.uint64, x: float) -> None:
     """The rates of stage s, as the step leaves it; x: its distance to a singular position."""
@@ -59,12 +70,9 @@ def follow_stage(tangents: Tangents, problem: Problem, t: float, s: np.uint64, x
         return
     if s > 0:  # of the first stage they are stored already
         store_multipliers(tangents.lam, problem.work.y)
-    arcs = adds_arcs(problem)
-    if arcs and s == 0:
-        take_first_tangents(tangents, problem)
-    else:
-        unfold_tangents(tangents, problem, t, s, problem.work.interval[TWO])
-        if arcs and not project_tangents(tangents, problem, tangents.here, LEAVE):
+    follow_sums(tangents, problem, t, s, problem.work.interval[TWO])
+    if s > 0 and adds_arcs(problem):
+        if not project_tangents(tangents, problem, tangents.here, LEAVE):
             tangents.followed[1] = 0
             return
     differentiate(tangents, problem, tangents.here, t, LEAVE)

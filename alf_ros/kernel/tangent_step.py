@@ -47,6 +47,7 @@ from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
 from alf_ros.kernel.step import add_up, curve_path, evaluate_first, scales_of, store_angles
 from alf_ros.kernel.step_tape import PROJECTED, REGULAR, store_axes, store_multipliers, store_stage
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_arcs import adds_arcs
 from alf_ros.kernel.tangent_axes import (
     accept_tangents,
     begin_tangents,
@@ -54,7 +55,12 @@ from alf_ros.kernel.tangent_axes import (
     read_tangents,
     unfold_tangents,
 )
-from alf_ros.kernel.tangent_follow import begin_following, follow_stage, is_followed
+from alf_ros.kernel.tangent_follow import (
+    begin_following,
+    follow_stage,
+    follow_sums,
+    is_followed,
+)
 from alf_ros.kernel.tangent_lane_solve import FINISH, LEAVE
 from alf_ros.kernel.tangent_stage import (
     differentiate,
@@ -109,7 +115,7 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase, sigma: float) -> 
     if regular and work.aside[0] == 0 and work.aside[1] == 0:
         if project_tangents(tangents, problem, tangents.here, LEAVE):
             return accept_tangents(tangents, phase)
-    ended, interval = (work.q, work.qd, work.nearest[0]), work.interval
+    ended, interval = (work.q, work.qd, work.sigma, work.nearest[0]), work.interval
     t, end, h = interval[ZERO], interval[ONE], interval[TWO]
     result = carry_again(tangents, phase, ended, t, end, h, sigma)
     return accept_tangents(tangents, phase) if result == OK else result
@@ -119,7 +125,7 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase, sigma: float) -> 
 def carry_again(
     tangents: Tangents,
     phase: Phase,
-    ended: tuple[Floats, Floats, float],
+    ended: tuple[Floats, Floats, Floats, float],
     t: float,
     end: float,
     h: float,
@@ -128,9 +134,11 @@ def carry_again(
 ) -> int:
     """δq and δq̇ of the end of a step, which is taken again.
 
-    `ended`: q and q̇ there, and x of the nearest stage; `tape`: its stages are written there.
+    `ended`: q, q̇ and σ there, and x of the nearest stage; `tape`: its stages are written there.
+    In the plane a step near a singular position is taken without arcs: there momenta do not
+    determine how velocities change.
     """
-    ended_q, ended_qd, nearest = ended
+    ended_q, ended_qd, ended_sigma, nearest = ended
     near = nearest < np.inf
     problem, at = tangents.problem, tangents.behind
     unit, system, method, work = problem.unit, problem.system, problem.method, problem.work
@@ -145,7 +153,7 @@ def carry_again(
     curve_path(problem)
     x = min(sigma, felt) / system.ordinary
     scales = scales_of(system, work, phase)
-    turned = 0.0 if len(unit) == 2 else h  # the step is taken along no arcs
+    turned = 0.0 if near and len(unit) == 2 else h
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, turned))
     begin_tangents(tangents, problem, phase)
     stages = method.b.size
@@ -170,14 +178,18 @@ def carry_again(
             _unfold_again(problem, phase, ts, s, h)
             count = evaluate_interpolated(problem, phase, ts, s, moved, scales)
         if count > 0:
+            if s == 0:
+                copy(work.qdd, work.chart.first)
             fold(unit, system, work, work.qd, work.qdd, s)
-            unfold_tangents(tangents, problem, ts, s, h)
+            follow_sums(tangents, problem, ts, s, h)
             kind = PROJECTED if near else REGULAR
             if tape is not None:
                 store_axes(tape, work, s)
             if s > 0 or x < np.inf:
                 store_multipliers(tangents.lam, work.y)
             if x < np.inf:
+                if adds_arcs(problem):
+                    return UNFOLLOWED
                 copy(work.q, work.sum_q)
                 copy(work.qd, work.sum_qd)
                 _unfold_again(problem, phase, ts, s, h)
@@ -185,6 +197,8 @@ def carry_again(
             elif near:
                 count = differentiate_projected(tangents, ts)
             else:
+                if s > 0 and adds_arcs(problem):
+                    project_tangents(tangents, problem, at, FINISH)
                 differentiate(tangents, problem, at, ts, LEAVE)
             if tape is not None:
                 store_stage(tape, tangents, s, kind)
@@ -202,6 +216,7 @@ def carry_again(
         tape.projected[0] = 1 if not near or x == np.inf else 0
     copy(ended_q, work.q)
     copy(ended_qd, work.qd)
+    copy(ended_sigma, work.sigma)
     if not near or x == np.inf:  # the end is clear of singular positions
         if not linearise(unit, system, work, work.q):
             return UNFOLLOWED

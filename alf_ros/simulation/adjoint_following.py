@@ -200,7 +200,7 @@ class AdjointFollowing:
         system, stages = problem.system, problem.method.b.size
         n, whole, blocks = model.n, model.q.size, work.chart.sin.size
         columns, trace = self._forces(applied)
-        leaves = trace.numbers.size
+        leaves, plane = trace.numbers.size, model.layout.dimension == 2
         angles = system.angles.c.size // 2
         sizes = {
             **{name: getattr(system.mass, name.removeprefix('mass_')).size for name in SUMS[:3]},
@@ -208,7 +208,11 @@ class AdjointFollowing:
             'of_trace': leaves + trace.slopes.size // 2,
             'search': 2 * DIRECTIONS * whole if self._stepper.is_implicit else 0,
             'start': 2 * n,
+            **dict.fromkeys(('xi', 'axes'), 2 * n if plane else 0),
+            'bend': blocks if plane else 0,
+            **dict.fromkeys(('first_q', 'first_qd'), whole if plane else 0),
             'rates': 2 * stages * n,
+            'ended': system.rows.alpha.size,
             'g': work.g.size,
             'g2': work.g2.size,
             'g2v': work.g2.size,
@@ -218,6 +222,8 @@ class AdjointFollowing:
             **dict.fromkeys(('q', 'qd', 'qdd', 'given'), stages * whole),
             'lam': stages * system.rows.alpha.size,
             **dict.fromkeys(('sin', 'cos'), (stages + 1) * blocks),
+            **dict.fromkeys(('xi', 'w'), (stages + 1) * n if plane else 0),
+            'sigma': (stages + 1) * system.rows.alpha.size if plane else 0,
             'places': stages * work.places.size,
             'place_weights': stages * work.place_weights.size,
             **dict.fromkeys(('place_step', 'place_shift'), stages),
@@ -274,7 +280,10 @@ def _record(model: Model, steps: int, stages: int, implicit: bool) -> StepRecord
         **dict.fromkeys(('stage_q', 'stage_qd', 'stage_qdd'), stages * whole),
         'stage_lam': stages * rows,
         **dict.fromkeys(('sin', 'cos'), (stages + 1) * blocks),
-        'rate': stages * blocks,
+        'xid': stages * n,
+        'wd': stages * n if D == 2 else 0,
+        **dict.fromkeys(('xi', 'w'), (stages + 1) * n if D == 2 else 0),
+        'sigma': (stages + 1) * rows if D == 2 else 0,
         'curvature': blocks,
         **dict.fromkeys(('t', 'n'), n),
         'b': n if D == 3 else 0,

@@ -33,7 +33,12 @@ class StepRecord(Struct):
     stage_lam: Floats  # (C, stages, rows) -λ
     sin: Floats  # (C, stages + 1, movable) of `Chart`, as are the following; the last of the end
     cos: Floats  # (C, stages + 1, movable)
-    rate: Floats  # (C, stages, movable) ȧ
+    xid: Floats  # (C, stages, movable D) ξ̇ of the stages
+    # in the plane also ẇ, and ξ, w and σ, the last of the end; (0,) in space
+    wd: Floats  # (C, stages, movable D)
+    xi: Floats  # (C, stages + 1, movable D)
+    w: Floats  # (C, stages + 1, movable D)
+    sigma: Floats  # (C, stages + 1, rows)
     curvature: Floats  # (C, movable)
     t: Floats  # (C, movable D)
     n: Floats  # (C, movable D)
@@ -53,6 +58,9 @@ class Tape(Struct):
     lam: Floats  # (stages, rows) -λ
     sin: Floats  # (stages + 1, movable) of κa; the last of the end
     cos: Floats  # (stages + 1, movable)
+    xi: Floats  # (stages + 1, movable D) ξ, w and σ, of steps with arcs in the plane
+    w: Floats  # (stages + 1, movable D)
+    sigma: Floats  # (stages + 1, rows)
     places: Floats  # (stages, 8, 2, movable D) of `Work`, as are the following
     place_weights: Floats  # (stages, 8)
     place_step: Floats  # (stages,)
@@ -114,8 +122,13 @@ class Adjoint(Struct):
     # ∂J/∂ of the numbers of the trace: q and q̇ of the stage, `Effects.params` summed up over all
     # stages, and the operations
     of_trace: Floats
-    start: Floats  # (2, movable D) of δq and δq̇ where the step begins, in the axes of the arcs
+    start: Floats  # (2, movable D) of what a step adds up, where it begins
     rates: Floats  # (stages, 2, movable D) of their rates in the stages
+    first_q: Floats  # (all blocks D,) of δq and δq̇ where a step with arcs in the plane begins
+    first_qd: Floats  # (all blocks D,)
+    xi: Floats  # (2, movable D) of δξ and δw of its stage
+    axes: Floats  # (movable, 2, D) of δt and δn of its arcs
+    bend: Floats  # (movable,) of δκ
     q: Floats  # (all blocks D,) of δq of the stage
     qd: Floats  # (all blocks D,) of δq̇
     qdd: Floats  # (all blocks D,) of δq̈
@@ -131,4 +144,5 @@ class Adjoint(Struct):
     g2: Floats  # (entries D,)
     g2v: Floats  # (entries D,) of δΦ̇_q
     x: Floats  # (all blocks D,)
+    ended: Floats  # (rows,) σ where a step ended that is taken again: 0, as it has no arcs
     search: Floats  # (2, DIRECTIONS, all blocks D) of a stage, if implicit

@@ -74,7 +74,7 @@ class Work(Struct):
     inverse: Floats  # (movable D D,) A⁻¹ on the pattern, where the rank is counted
     inverse_off: Floats  # (blocks D D,)
     column: Floats  # (longest column D D,) one column before division by the pivots
-    sigma: Floats  # (rows,) σ of the stage, for who follows the steps
+    sigma: Floats  # (rows,) σ of the stage, or of the end of the step
     g: Floats  # (distance rows D,) q_i - q_j
     g2: Floats  # (entries D,) gradients of the quadratic rows
     g2d: Floats  # (entries D,) their time derivatives
