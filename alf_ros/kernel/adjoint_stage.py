@@ -46,7 +46,7 @@ def take_stage_back(adjoint: Adjoint, t: float, k: np.uint64, s: np.uint64) -> i
         return 0
     if take_forces_back(adjoint, t, adjoint.u, adjoint.q, adjoint.qd) <= 0:
         return -1
-    if adjoint.tape.kind[s] == PROJECTED or (s > 0 and adds_arcs(problem)):
+    if adjoint.tape.kind[s] == PROJECTED or (s > 0 and adds_arcs(adjoint.tangents)):
         return take_projections_back(adjoint)
     return 1
 
@@ -55,7 +55,7 @@ def take_stage_back(adjoint: Adjoint, t: float, k: np.uint64, s: np.uint64) -> i
 def take_projections_back(adjoint: Adjoint) -> int:
     """∂J/∂(δq, δq̇) behind their projections, in `q` and `qd`, into that before them, or into
     ∂J/∂(δq, δp), with the factor and Φ_q in `work`."""
-    if adds_arcs(adjoint.tangents.problem):
+    if adds_arcs(adjoint.tangents):
         count = velocity_of_momentum_back(adjoint)
     else:
         count = project_velocity_back(adjoint)

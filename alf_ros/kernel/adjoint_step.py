@@ -35,6 +35,7 @@ from alf_ros.kernel.step_tape import (
     NEAREST,
     SIGMA,
     SPAN,
+    restore_arcs,
     restore_axes,
     restore_recorded,
     restore_stages,
@@ -75,7 +76,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
     copy(section(record.ended_q, k * whole, whole), adjoint.x)
     copy(section(record.ended_qd, k * whole, whole), adjoint.u)
     if record.regular[k] != 0:
-        restore_stages(record, tape, work, k)
+        tangents.along[0] = 1 if restore_stages(record, tape, work, k) else 0
         store_angles(problem.unit, problem.system, work, phase)
         for a in range(whole):  # mostly the first stage of the step behind it
             linear = linear and work.q[a] == adjoint.x[a]
@@ -88,9 +89,9 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
         result = carry_again(tangents, phase, ended, t, end, h, sigma, tape)
         if result != OK:
             return result
-    arcs = adds_arcs(problem)
+    arcs = adds_arcs(tangents)
     if arcs:
-        restore_axes(tape, work, stages)
+        restore_arcs(tape, work, stages)
         zero(adjoint.first_q)
         zero(adjoint.first_qd)
         zero(adjoint.xi)
@@ -153,7 +154,8 @@ def _add_up_back(adjoint: Adjoint, t: float, s: np.uint64, h: float) -> None:
     problem = adjoint.tangents.problem
     n, by_q, by_qd = problem.work.p.size, adjoint.q, adjoint.qd
     restore_axes(adjoint.tape, problem.work, s)
-    if adds_arcs(problem):
+    if adds_arcs(adjoint.tangents):
+        restore_arcs(adjoint.tape, problem.work, s)
         if s > 0:
             unfold_arcs_back(adjoint)
         else:
@@ -178,7 +180,8 @@ def _fold_back(adjoint: Adjoint, k: np.uint64, s: np.uint64) -> None:
     n = work.p.size
     at = TWO * s * n
     restore_axes(adjoint.tape, work, s)
-    if adds_arcs(problem):
+    if adds_arcs(adjoint.tangents):
+        restore_arcs(adjoint.tape, work, s)
         restore_recorded(adjoint.record, adjoint.tangents, problem.method.b.size, k, s)
         fold_arcs_back(adjoint, s)
         return

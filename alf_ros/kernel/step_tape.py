@@ -231,10 +231,11 @@ def _record_axes(record: StepRecord, work: Work, stages: np.uint64, s: np.uint64
 
 
 @inner
-def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> None:
+def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> bool:
     """Step k, whose stages are read from the record (`restore_recorded`): its coordinates into
-    `work`, and on the tape how they turn."""
-    chart, n = work.chart, work.p.size
+    `work`, and on the tape where the stages are in them. Returns whether tangents are added up
+    along its arcs."""
+    chart, n, rows = work.chart, work.p.size, work.sigma.size
     blocks, stages = chart.sin.size, tape.kind.size
     for s in range(stages):
         tape.kind[s] = REGULAR
@@ -243,9 +244,8 @@ def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> 
     for i in range(blocks):
         chart.curvature[i] = record.curvature[k * blocks + i]
         arcs = arcs or chart.curvature[i] != 0.0
-    chart.arcs[0] = 0
     if not arcs:
-        return
+        return False
     for a in range(n):
         chart.t[a], chart.n[a] = record.t[k * n + a], record.n[k * n + a]
     for a in range(chart.b.size):
@@ -254,17 +254,18 @@ def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> 
         at = k * (stages + ONE) * blocks + i
         tape.sin[i], tape.cos[i] = record.sin[at], record.cos[at]
     for s in range(stages):
-        at, first = (k * stages + s) * n, s * THREE * n
-        copy(section(record.xid, at, n), section(work.k, first, n))
-        if record.wd.size > 0:
-            copy(section(record.wd, at, n), section(work.k, first + TWO * n, n))
-    if record.wd.size > 0:
-        chart.arcs[0] = 1
-        copy(section(record.w, k * (stages + ONE) * n, n), chart.momentum)
-        copy(section(record.xi, k * (stages + ONE) * n, tape.xi.size), tape.xi)
-        copy(section(record.w, k * (stages + ONE) * n, tape.w.size), tape.w)
-        rows = work.sigma.size
-        copy(section(record.sigma, k * (stages + ONE) * rows, tape.sigma.size), tape.sigma)
+        copy(section(record.xid, (k * stages + s) * n, n), section(work.k, s * THREE * n, n))
+    if record.wd.size == 0:
+        return False
+    for s in range(stages):
+        to = section(work.k, (s * THREE + TWO) * n, n)
+        copy(section(record.wd, (k * stages + s) * n, n), to)
+    at = k * (stages + ONE)
+    copy(section(record.w, at * n, n), chart.momentum)
+    copy(section(record.xi, at * n, tape.xi.size), tape.xi)
+    copy(section(record.w, at * n, tape.w.size), tape.w)
+    copy(section(record.sigma, at * rows, tape.sigma.size), tape.sigma)
+    return True
 
 
 @inner
@@ -302,16 +303,22 @@ def store_axes(tape: Tape, work: Work, s: np.uint64) -> None:
 
 @inner
 def restore_axes(tape: Tape, work: Work, s: np.uint64) -> None:
-    """The same back into `work`, and if the step adds up arcs in the plane, ξ, w and σ."""
-    chart, blocks, n = work.chart, work.chart.sin.size, work.p.size
+    """The same back into `work`."""
+    blocks = work.chart.sin.size
     for i in range(blocks):
-        chart.sin[i], chart.cos[i] = tape.sin[s * blocks + i], tape.cos[s * blocks + i]
-    if tape.xi.size > 0 and chart.arcs[0] > 0:
-        copy(section(tape.xi, s * n, n), section(work.total, 0, n))
-        copy(section(tape.w, s * n, n), chart.w)
-        copy(section(tape.sigma, s * work.sigma.size, work.sigma.size), work.sigma)
-        for i in range(blocks):
-            chart.rho[i] = 1.0 - chart.curvature[i] * work.total[i * TWO + ONE]
+        work.chart.sin[i], work.chart.cos[i] = tape.sin[s * blocks + i], tape.cos[s * blocks + i]
+
+
+@inner
+def restore_arcs(tape: Tape, work: Work, s: np.uint64) -> None:
+    """ξ, w and σ of stage s, or past the last stage of the end, of a step along arcs in the
+    plane."""
+    chart, n, rows = work.chart, work.p.size, work.sigma.size
+    copy(section(tape.xi, s * n, n), section(work.total, 0, n))
+    copy(section(tape.w, s * n, n), chart.w)
+    copy(section(tape.sigma, s * rows, rows), work.sigma)
+    for i in range(chart.rho.size):
+        chart.rho[i] = 1.0 - chart.curvature[i] * work.total[i * TWO + ONE]
 
 
 @inner

@@ -31,9 +31,9 @@ from alf_ros.kernel.tangent_solves import add_mass_change, group_of
 
 
 @inner
-def adds_arcs(problem: Problem) -> bool:
+def adds_arcs(tangents: Tangents) -> bool:
     """Whether the tangents of the step are added up along its arcs."""
-    return len(problem.unit) == 2 and problem.work.chart.arcs[0] > 0
+    return tangents.along[0] != 0
 
 
 @inner

@@ -54,9 +54,14 @@ def accept_tangents(tangents: Tangents, phase: Phase) -> int:
 
 
 @inner
-def begin_tangents(tangents: Tangents, problem: Problem, phase: Phase) -> None:
-    """What is added up of the tangents, where the step begins at `phase`."""
-    if adds_arcs(problem):
+def begin_tangents(tangents: Tangents, problem: Problem, phase: Phase, near: bool) -> None:
+    """What is added up of the tangents, where the step begins at `phase`.
+
+    `near`: a stage is beside a singular position. Momenta do not determine δq̇ there.
+    """
+    exactly = len(problem.unit) == 2 and problem.work.chart.arcs[0] > 0 and not near
+    tangents.along[0] = 1 if exactly else 0
+    if adds_arcs(tangents):
         begin_arcs(tangents, problem, phase)
         return
     n = problem.work.p.size
@@ -97,7 +102,7 @@ def take_first_tangents(tangents: Tangents, problem: Problem) -> None:
     """δq and δq̇ of the first stage of a step that adds up arcs."""
     copy(tangents.first_q, tangents.q)
     copy(tangents.first_qd, tangents.qd)
-    if adds_arcs(problem):
+    if adds_arcs(tangents):
         zero(tangents.place)
         copy(tangents.start, tangents.xi)
 
@@ -108,7 +113,7 @@ def unfold_tangents(
 ) -> None:
     """δq and δq̇ of stage s at t (s), from the rates of the stages before; with s past the last
     stage, of the end of the step. Along arcs δp stands in the place of δq̇."""
-    arcs = adds_arcs(problem)
+    arcs = adds_arcs(tangents)
     if arcs:
         copy_first(problem.work.total, tangents.place, problem.work.p.size)
     start, rates, part, of = tangents.start, tangents.rates, tangents.part, tangents.of
@@ -145,7 +150,7 @@ def unfold_tangents(
 @inner
 def fold_tangents(tangents: Tangents, problem: Problem, s: np.uint64) -> None:
     """The rates of stage s of what is added up."""
-    if adds_arcs(problem):
+    if adds_arcs(tangents):
         for k in range(tangents.groups):
             fold_arcs(tangents, problem, k, s)
         return

@@ -35,7 +35,7 @@ from alf_ros.kernel.tangent_stage import differentiate, project_tangents
 def begin_following(tangents: Tangents, problem: Problem, phase: Phase, begun: bool) -> None:
     """Begin a step from `phase`, with its arcs chosen; `begun`: stage 0 is of a step that was
     too long."""
-    begin_tangents(tangents, problem, phase)
+    begin_tangents(tangents, problem, phase, False)
     tangents.followed[1] = 1
     if not begun:
         tangents.followed[0] = 1
@@ -54,7 +54,7 @@ def is_followed(tangents: Tangents) -> bool:
 @inner
 def follow_sums(tangents: Tangents, problem: Problem, t: float, s: np.uint64, h: float) -> None:
     """δq and δq̇ of stage s at t (s), as the step adds them up; see `unfold_tangents`."""
-    if s == 0 and adds_arcs(problem):
+    if s == 0 and adds_arcs(tangents):
         take_first_tangents(tangents, problem)
         drive_all_tangents(tangents, t)
     else:
@@ -71,7 +71,7 @@ def follow_stage(tangents: Tangents, problem: Problem, t: float, s: np.uint64, x
     if s > 0:  # of the first stage they are stored already
         store_multipliers(tangents.lam, problem.work.y)
     follow_sums(tangents, problem, t, s, problem.work.interval[TWO])
-    if s > 0 and adds_arcs(problem):
+    if s > 0 and adds_arcs(tangents):
         if not project_tangents(tangents, problem, tangents.here, LEAVE):
             tangents.followed[1] = 0
             return

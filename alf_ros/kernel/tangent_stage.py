@@ -142,7 +142,7 @@ def project_tangents(
     for k in range(tangents.groups):
         if good:
             good = project_position(tangents, problem, at, k, slow_modes)
-        if good and adds_arcs(problem):
+        if good and adds_arcs(tangents):
             good = velocity_of_momentum(tangents, problem, at, k, slow_modes)
         elif good:
             good = project_velocity(tangents, problem, at, k, slow_modes)

@@ -135,8 +135,6 @@ def carry_again(
     """δq and δq̇ of the end of a step, which is taken again.
 
     `ended`: q, q̇ and σ there, and x of the nearest stage; `tape`: its stages are written there.
-    In the plane a step near a singular position is taken without arcs: there momenta do not
-    determine how velocities change.
     """
     ended_q, ended_qd, ended_sigma, nearest = ended
     near = nearest < np.inf
@@ -153,9 +151,8 @@ def carry_again(
     curve_path(problem)
     x = min(sigma, felt) / system.ordinary
     scales = scales_of(system, work, phase)
-    turned = 0.0 if near and len(unit) == 2 else h
-    begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, turned))
-    begin_tangents(tangents, problem, phase)
+    begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
+    begin_tangents(tangents, problem, phase, near)
     stages = method.b.size
     for s in range(stages):
         add_up(method, work, s, h)
@@ -188,7 +185,7 @@ def carry_again(
             if s > 0 or x < np.inf:
                 store_multipliers(tangents.lam, work.y)
             if x < np.inf:
-                if adds_arcs(problem):
+                if adds_arcs(tangents):
                     return UNFOLLOWED
                 copy(work.q, work.sum_q)
                 copy(work.qd, work.sum_qd)
@@ -197,7 +194,7 @@ def carry_again(
             elif near:
                 count = differentiate_projected(tangents, ts)
             else:
-                if s > 0 and adds_arcs(problem):
+                if s > 0 and adds_arcs(tangents):
                     project_tangents(tangents, problem, at, FINISH)
                 differentiate(tangents, problem, at, ts, LEAVE)
             if tape is not None:

@@ -221,6 +221,7 @@ def tangents_of(
         behind=_followed_stage(work, shared),
         drive=np.zeros(0, dtype=np.uint64),
         drive_slots=np.zeros(0, dtype=np.int64),
+        along=np.zeros(1, dtype=np.int64),
         followed=np.zeros(2, dtype=np.int64),
         of=np.zeros(stages, dtype=np.int64),
         even=np.where(even, T[:, 0, 0], np.nan),

@@ -68,13 +68,14 @@ class Tangents(Struct):
     drive_qdd: Lanes  # (groups, all blocks D) δs̈ of the stage
     here: FollowedStage  # of the run, as the step leaves it
     behind: FollowedStage  # of `problem`, where a step is taken again
+    along: Integers  # (1,) whether a step adds up δξ and δw along its arcs, see `tangent_arcs`
     followed: Integers  # (2,) whether stage 0, and all others so far, were followed in the step
     first_q: Lanes  # (groups, all blocks D) δq where the step begins
     first_qd: Lanes  # (groups, all blocks D) δq̇
     first_qdd: Lanes  # (groups, all blocks D) δq̈
     start: Lanes  # (groups, 2, movable D) what a step adds up, there: δq and δq̇, or δξ and δw
     rates: Lanes  # (groups, stages, 2, movable D) their rates in the stages
-    xi: Lanes  # (groups, 2, movable D) δξ and δw of the stage, as these, see `tangent_arcs`
+    xi: Lanes  # (groups, 2, movable D) δξ and δw of the stage
     axes: Lanes  # (groups, movable, 2, D) δt and δn of the arcs
     bend: Lanes  # (groups, movable) δκ
     q: Lanes  # (groups, all blocks D) δq of the stage
