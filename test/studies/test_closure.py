@@ -214,13 +214,13 @@ def test_noise_does_not_turn_the_crank_back(noise: float) -> None:
 def test_noisy_values_out_of_reach_leave_the_loops_closed(active: str) -> None:
     """Beside a dead point the miss of the active joint counted as a gap of the loops."""
     noise, random, missed = 1e-3, np.random.default_rng(5), []
-    mechanism, given = SLIDER_CRANK, stroke(np.arange(0.75, -0.8, -0.02))
+    closure = Closure(SLIDER_CRANK, ['guide'], noise=noise)
+    given = stroke(np.arange(0.75, -0.8, -0.02))
     if active == 'rocker_pin':  # an angle
-        mechanism = 'four_bar'
-        crank = Closure(mechanism, ['crank_pin'])
-        at = crank.start['crank_pin'] + np.arange(0.0, 6.3, 0.05)
-        given = crank.follow(at[:, None])[0][:, crank.joint_names.index(active)]
-    closure = Closure(mechanism, [active], noise=noise)
+        crank = Closure('four_bar', ['crank_pin'])
+        turns = crank.start['crank_pin'] + np.arange(0.0, 6.3, 0.05)
+        given = np.array([crank.close({'crank_pin': float(x)}).joints[active] for x in turns])
+        closure = Closure('four_bar', [active], noise=noise)
     for value in given + noise * random.standard_normal(given.size):
         posture = closure.close({active: float(value)})
         assert posture.closed_to < 1e-12
