@@ -125,6 +125,15 @@ def _deviations(closing: Closing, turns: Integers) -> float:
 
 
 @inner
+def _put_reached(closing: Closing) -> None:
+    """The active values of the q in `work`: their rows are closed there, as the loops are."""
+    read(closing, closing.work.q, closing.turned)
+    for k in range(closing.active.size):
+        closing.here[k] = closing.values[closing.active[k]]
+    put_values(closing, closing.here)
+
+
+@inner
 def _take(closing: Closing, q: Floats, turns: Integers) -> None:
     """Make q the posture."""
     copy(q, closing.q)
@@ -251,6 +260,7 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
         count(closing, closing.q, closing.turned)
         if _deviations(closing, closing.turned) > _FITS:  # Newton's method ended too early
             go_along(closing, False)
+        _put_reached(closing)
     _take(closing, work.q, closing.turned)
     if reached:
         _hold(closing, True)

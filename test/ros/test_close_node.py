@@ -263,6 +263,40 @@ def test_a_name_twice_changes_nothing() -> None:
     assert heard.trouble == "repeated_names: 'a' is in one message twice"
 
 
+def test_only_a_mistake_that_cost_the_values_makes_a_message_unusable() -> None:
+    used = {'name': ['e1', 'wheel'], 'position': [1.0, 2.0]}
+    lost = {'name': ['wheel'], 'position': [2.0]}
+    said = "unknown_names: name: left out, not an active joint, got 'wheel'; known: b, e1"
+    assert (heard(used).trouble, heard(used).unusable) == (said, '')
+    assert heard(used, lost).unusable == said
+    assert heard(lost, {}).unusable == said
+    assert heard(lost, used).unusable == ''
+
+
+def test_a_name_beside_used_values_does_not_make_them_late(tmp_path: Path, peer: Peer) -> None:
+    """Where messages ended, the name was the reason for which none could be used."""
+    with ClosingProcess(tmp_path, '--active', 'guide') as node:
+        reports = peer.listen('/close/diagnostics', DiagnosticArray)
+        talker = peer.talk(INPUT, JointState)
+        peer.until(lambda: reports, 'a report')
+
+        def said(task: str) -> str:
+            return values(reports[-1], task)[1]
+
+        talker.publish(message(1, guide=1e8))
+        peer.until(lambda: 'too far away' in said('loops'), 'a refusal')
+        for ns in range(10**9, 4 * 10**9, 10**9):
+            talker.publish(message(ns, guide=1.4))
+            peer.until(lambda: said('loops') == 'closed', 'an answer')
+            talker.publish(message(ns + 1, guide=1.4, wheel=0.3))
+            peer.until(lambda: 'input for' in said('loops'), 'old input')
+            assert said('loops').startswith('no input for'), said('loops')
+            assert said('input') == said('loops')
+        told = [values(report, 'input')[2]['last_trouble'] for report in reports]
+        assert any(each.startswith('unknown_names: name: left out') for each in told), told
+        assert node.stop() == 0, node.output
+
+
 def test_partial_messages_keep_the_last_values() -> None:
     found = heard(
         {'name': ['e1', 'b'], 'position': [1.0, 2.0], 'velocity': [3.0, 4.0]},

@@ -210,6 +210,25 @@ def test_noise_does_not_turn_the_crank_back(noise: float) -> None:
     assert missed.max() < 6.0 * noise
 
 
+@pytest.mark.parametrize('active', ['guide', 'rocker_pin'])
+def test_noisy_values_out_of_reach_leave_the_loops_closed(active: str) -> None:
+    """Beside a dead point the miss of the active joint counted as a gap of the loops."""
+    noise, random, missed = 1e-3, np.random.default_rng(5), []
+    closure = Closure(SLIDER_CRANK, ['guide'], noise=noise)
+    given = stroke(np.arange(0.75, -0.8, -0.02))
+    if active == 'rocker_pin':  # an angle
+        crank = Closure('four_bar', ['crank_pin'])
+        turns = crank.start['crank_pin'] + np.arange(0.0, 6.3, 0.05)
+        given = np.array([crank.close({'crank_pin': float(x)}).joints[active] for x in turns])
+        closure = Closure('four_bar', [active], noise=noise)
+    for value in given + noise * random.standard_normal(given.size):
+        posture = closure.close({active: float(value)})
+        assert posture.closed_to < 1e-12
+        assert posture.missed_by == pytest.approx(abs(posture.joints[active] - value), abs=1e-14)
+        missed.append(posture.missed_by)
+    assert max(missed) > 0.1 * noise  # some are out of reach
+
+
 def test_travel_of_a_four_bar_against_triangles() -> None:
     """The rocker ends where crank and coupler lie on one line; the crank goes round (Grashof)."""
     a, b, c, d = 0.10, 0.30, 0.25, 0.30

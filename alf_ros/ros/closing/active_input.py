@@ -45,7 +45,7 @@ class ActiveInput:
     """The values of the active joints; a joint that a message leaves out keeps its values.
 
     `counts`: messages, and how many of them are wrong in each way. `trouble`: the last mistake, in
-    one line.
+    one line. `unusable`: the mistake for which the last message gave no value, or empty.
     """
 
     def __init__(self, names: Mapping[str, str]) -> None:
@@ -59,7 +59,7 @@ class ActiveInput:
             ),
             0,
         )
-        self.trouble = ''
+        self.trouble = self.unusable = ''
 
     @property
     def missing(self) -> list[str]:
@@ -73,6 +73,15 @@ class ActiveInput:
         value that is not finite; all are counted, and so are messages with names that are no
         active joint.
         """
+        new = self._take(message)
+        if new:
+            self.unusable = ''
+        elif message.name or message.position:  # an empty one makes no mistake
+            self.unusable = self.trouble
+        return new
+
+    def _take(self, message: JointState) -> bool:
+        """`take`, without the reason."""
         self.counts['messages'] += 1
         names, positions, velocities = message.name, message.position, message.velocity
         optional = {len(velocities), len(message.effort)} - {0}
@@ -94,7 +103,10 @@ class ActiveInput:
                 'unknown_names',
                 str(
                     InputError(
-                        'not an active joint', key='name', value=unknown[0], choices=self._names
+                        'left out, not an active joint',
+                        key='name',
+                        value=unknown[0],
+                        choices=self._names,
                     )
                 ),
             )

@@ -174,8 +174,7 @@ class CloseNode(Node):
         """The most urgent thing to say: of which kind, and in words; both empty if all is well."""
         posture = self._posture
         if posture is None:
-            missing = ', '.join(self._input.missing)
-            return 'waiting', f'waiting for {missing} on {self.input}'
+            return ('refused', self._refusal) if self._refusal else ('waiting', self._waiting())
         if now - self._heard > self._timeout:
             return 'old', self._late(now)
         if self._refusal:
@@ -186,11 +185,14 @@ class CloseNode(Node):
             return 'near', f'near a singular position: distance {posture.distance:.3g}'
         return '', ''
 
+    def _waiting(self) -> str:
+        return f'waiting for {", ".join(self._input.missing)} on {self.input}'
+
     def _late(self, now: float) -> str:
         """Since when no input could be used; and why not, if there was some."""
-        why = self._refusal or self._input.trouble
+        why = self._refusal or self._input.unusable  # a mistake beside used values is none
         if self._posture is None:
-            return why or 'no input yet'
+            return why or self._waiting()
         since = f'input for {now - self._heard:.1f} s'
         return f'no usable {since}: {why}' if why else f'no {since}'
 
