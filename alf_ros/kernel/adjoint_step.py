@@ -32,7 +32,6 @@ from alf_ros.kernel.step_tape import (
     BEGIN,
     END,
     LENGTH,
-    NEAREST,
     SIGMA,
     SPAN,
     restore_arcs,
@@ -71,7 +70,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
         span[at + np.uint64(END)],
         span[at + np.uint64(LENGTH)],
     )
-    sigma, nearest = span[at + np.uint64(SIGMA)], span[at + np.uint64(NEAREST)]
+    sigma = span[at + np.uint64(SIGMA)]
     restore_step(record, k, phase)
     copy(section(record.ended_q, k * whole, whole), adjoint.x)
     copy(section(record.ended_qd, k * whole, whole), adjoint.u)
@@ -85,8 +84,8 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
         if not linear and not linearise(problem.unit, problem.system, work, work.q):
             return UNFOLLOWED
     else:
-        ended = adjoint.x, adjoint.u, adjoint.ended, nearest
-        result = carry_again(tangents, phase, ended, t, end, h, sigma, tape)
+        ended = adjoint.x, adjoint.u, adjoint.ended
+        result = carry_again(tangents, phase, ended, True, (t, end, h), sigma, tape)
         if result != OK:
             return result
     arcs = adds_arcs(tangents)

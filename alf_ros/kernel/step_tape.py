@@ -24,8 +24,8 @@ from alf_ros.kernel.status import OK
 
 # of a stage: its tangents are taken as the step adds them up; projected; interpolated
 REGULAR, PROJECTED, INTERPOLATED = 0, 1, 2
-BEGIN, END, LENGTH, SIGMA, NEAREST = 0, 1, 2, 3, 4  # of `StepRecord.span`
-SPAN = 5
+BEGIN, END, LENGTH, SIGMA = 0, 1, 2, 3  # of `StepRecord.span`
+SPAN = 4
 
 
 def _write_down(
@@ -86,7 +86,7 @@ def _record_step(
     if not _record_ends(record, phase, work):
         return
     followed = record.followed[0] != 0 and record.followed[1] != 0
-    record.regular[k] = 1 if followed and not _is_beside(work, work.nearest[0]) else 0
+    record.regular[k] = 1 if followed and not is_beside(work, work.nearest[0]) else 0
     _record_chart(record, work, stages, k)
     if record.wd.size > 0:
         rows = work.sigma.size
@@ -94,7 +94,6 @@ def _record_step(
         copy(work.sigma, section(record.sigma, at, rows))
     first = k * np.uint64(SPAN)
     record.span[first + np.uint64(SIGMA)] = sigma
-    record.span[first + np.uint64(NEAREST)] = work.nearest[0]
 
 
 @inner
@@ -103,7 +102,7 @@ def _record_implicit_step(record: StepRecord, phase: Phase, work: Work, stages: 
     k, n = np.uint64(record.count[0]), work.p.size
     if not _record_ends(record, phase, work):
         return
-    record.regular[k] = 0 if _is_beside(work, np.inf) else 1
+    record.regular[k] = 0 if is_beside(work, np.inf) else 1
     for s in range(stages):
         at = (k * stages + s) * n
         for a in range(n):
@@ -130,7 +129,7 @@ def restore_rates(record: StepRecord, work: Work, stages: np.uint64, k: np.uint6
 
 
 @inner
-def _is_beside(work: Work, nearest: float) -> bool:
+def is_beside(work: Work, nearest: float) -> bool:
     """Whether a step ended beside a singular position, or a stage of it was so: at a distance
     `nearest`."""
     return work.aside[0] != 0 or work.aside[1] != 0 or nearest < np.inf

@@ -45,7 +45,14 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
 from alf_ros.kernel.step import add_up, curve_path, evaluate_first, scales_of, store_angles
-from alf_ros.kernel.step_tape import PROJECTED, REGULAR, store_axes, store_multipliers, store_stage
+from alf_ros.kernel.step_tape import (
+    PROJECTED,
+    REGULAR,
+    is_beside,
+    store_axes,
+    store_multipliers,
+    store_stage,
+)
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_arcs import adds_arcs
 from alf_ros.kernel.tangent_axes import (
@@ -111,13 +118,13 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase, sigma: float) -> 
     Returns the result; if it is not OK the tangents are as before.
     """
     work = problem.work
-    regular = is_followed(tangents) and not work.nearest[0] < np.inf
-    if regular and work.aside[0] == 0 and work.aside[1] == 0:
+    near = is_beside(work, work.nearest[0]) or tangents.followed[0] == 0
+    if is_followed(tangents) and not near:
         if project_tangents(tangents, problem, tangents.here, LEAVE):
             return accept_tangents(tangents, phase)
-    ended, interval = (work.q, work.qd, work.sigma, work.nearest[0]), work.interval
-    t, end, h = interval[ZERO], interval[ONE], interval[TWO]
-    result = carry_again(tangents, phase, ended, t, end, h, sigma)
+    ended = work.q, work.qd, work.sigma
+    interval = work.interval[ZERO], work.interval[ONE], work.interval[TWO]
+    result = carry_again(tangents, phase, ended, near, interval, sigma)
     return accept_tangents(tangents, phase) if result == OK else result
 
 
@@ -125,19 +132,19 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase, sigma: float) -> 
 def carry_again(
     tangents: Tangents,
     phase: Phase,
-    ended: tuple[Floats, Floats, Floats, float],
-    t: float,
-    end: float,
-    h: float,
+    ended: tuple[Floats, Floats, Floats],
+    near: bool,
+    interval: tuple[float, float, float],
     sigma: float,
     tape: Tape | None = None,
 ) -> int:
     """δq and δq̇ of the end of a step, which is taken again.
 
-    `ended`: q, q̇ and σ there, and x of the nearest stage; `tape`: its stages are written there.
+    `ended`: q, q̇ and σ there; `near`: that, or a stage, is beside a singular position; `interval`:
+    begin, end and length, s; `tape`: its stages are written there.
     """
-    ended_q, ended_qd, ended_sigma, nearest = ended
-    near = nearest < np.inf
+    t, end, h = interval
+    ended_q, ended_qd, ended_sigma = ended
     problem, at = tangents.problem, tangents.behind
     unit, system, method, work = problem.unit, problem.system, problem.method, problem.work
     store_angles(unit, system, work, phase)

@@ -12,6 +12,7 @@ import time
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from mcap.reader import make_reader
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
@@ -72,6 +73,8 @@ def test_a_flood_of_commands_stops_neither_the_clock_nor_a_command(tmp_path, pee
                 joints.publish(effort)
                 sent += 2
         assert sent > 1_000
+        # what a full buffer of the system has dropped is sent again after seconds
+        assert push.wait_for_all_acked(Duration(seconds=60))
         peer.until(lambda: int(found.value('commands', 'accepted')) > 100, 'commands taken')
         assert peer.call(Trigger, '/simulator/save_state').success
         count = len(found.heard)

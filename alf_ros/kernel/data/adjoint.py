@@ -23,7 +23,7 @@ class StepRecord(Struct):
     qd: Floats  # (C, all blocks D)
     turns: Integers  # (C, angles)
     sums: Floats  # (C, integrals)
-    span: Floats  # (C, 5) s: begin, end, length; σ as of `step`; x of the nearest stage
+    span: Floats  # (C, 4) s: begin, end, length; σ as of `step`
     ended_q: Floats  # (C, all blocks D)
     ended_qd: Floats  # (C, all blocks D)
     regular: Integers  # (C,) whether the stages are kept
