@@ -52,8 +52,16 @@ def test_equals_the_tangents_through_singular_passes(
     assert (np.abs(found - expected) <= 1e-9 * size).all()
 
 
-def test_equals_the_tangents_for_all_kinds_of_numbers(robot: Scene) -> None:
-    expected, found, size = dot_products(robot, NUMBERS, 200)
+@pytest.mark.parametrize(
+    ('steps', 'settings'),
+    [(200, {}), (20, {'step': 1e-2}), (10, {'step': 2e-2, 'integrator': 'dop853'})],
+    ids=['short', 'rk4', 'dop853'],
+)
+def test_equals_the_tangents_for_all_kinds_of_numbers(
+    robot: Scene, steps: int, settings: dict[str, Any]
+) -> None:
+    """Also where bars turn so far in a step that it is added up along arcs."""
+    expected, found, size = dot_products(robot, NUMBERS, steps, **settings)
     for name, one, other, scale in zip(NUMBERS, found, expected, size, strict=True):
         assert abs(one - other) <= 1e-13 * scale, name
 
