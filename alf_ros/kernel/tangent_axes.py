@@ -1,8 +1,10 @@
 """Derivatives of a state in the coordinates of a step.
 
-A point of a turning bar moves on a circle, and so does the arrow of its derivative. So δq and δq̇
-of a block with an arc are taken relative to the block that it turns about, along the axes T, N, b
-of the arc, which turn by κ ȧ (`arc_coordinates`).
+Planar steps along arcs have the derivative of their own coordinates (`tangent_arcs`). In space, and
+beside singular positions, arrows turn with the arcs: a point of a turning bar moves on a circle,
+and so does the arrow of its derivative. So δq and δq̇ of a block with an arc are taken relative to
+the block that it turns about, along the axes T, N, b of the arc, which turn by κ ȧ
+(`arc_coordinates`).
 """
 
 from __future__ import annotations
