@@ -1,7 +1,7 @@
 """Steps of tangents along arcs (`tangent_arcs`), transposed.
 
-For each function there is one here that takes ∂J/∂ its results into ∂J/∂ its arguments. The axes
-and curvatures of the arcs are arguments of all stages: theirs are summed up over the step.
+Each function turns ∂J/∂ the results of one there into ∂J/∂ its arguments. The axes and curvatures
+of the arcs are arguments of all stages, so their ∂J/∂ are summed up over the step.
 """
 
 from __future__ import annotations
@@ -71,8 +71,8 @@ def _momenta_back(adjoint: Adjoint, bar: Floats, v: Floats) -> None:
 
 @inner
 def unfold_arcs_back(adjoint: Adjoint) -> None:
-    """∂J/∂(δq, δp) of a stage, in `q` and `qd`, into ∂J/∂(δξ, δw), added to `xi`, and those of δq
-    where the step begins and of the arcs."""
+    """∂J/∂(δq, δp) of a stage, in `q` and `qd`, into ∂J/∂(δξ, δw), added to `xi`, and into ∂J/∂
+    δq where the step begins and ∂J/∂ the arcs."""
     problem = adjoint.tangents.problem
     unit, arms, work = problem.unit, problem.system.arms, problem.work
     chart, n, q, p = work.chart, work.p.size, adjoint.q, adjoint.qd
@@ -112,7 +112,7 @@ def unfold_arcs_back(adjoint: Adjoint) -> None:
 
 @inner
 def _axes_back(adjoint: Adjoint, i: np.uint64, by_T: Block, by_N: Block, by_rho: float) -> None:
-    """∂J/∂(δT, δN, δρ) of the arc of block i in a stage into that of its δξ and of the arcs."""
+    """∂J/∂(δT, δN, δρ) of the arc of block i in a stage into ∂J/∂ its δξ and ∂J/∂ the arcs."""
     problem = adjoint.tangents.problem
     unit, work = problem.unit, problem.work
     chart, place, bent = work.chart, block(unit, work.total, i), work.chart.curvature[i]
@@ -131,8 +131,8 @@ def _axes_back(adjoint: Adjoint, i: np.uint64, by_T: Block, by_N: Block, by_rho:
 
 @inner
 def fold_arcs_back(adjoint: Adjoint, s: np.uint64) -> None:
-    """∂J/∂ the rates of δξ and δw of stage s into ∂J/∂(δq̇, δq̈), in `qd` and `qdd`, those of δξ
-    and δw, in `xi`, and of the arcs."""
+    """∂J/∂ the rates of δξ and δw of stage s into ∂J/∂(δq̇, δq̈), in `qd` and `qdd`,
+    ∂J/∂(δξ, δw), in `xi`, and ∂J/∂ the arcs."""
     problem, rates = adjoint.tangents.problem, adjoint.rates
     unit, arms, work = problem.unit, problem.system.arms, problem.work
     chart, n, blocks, f = work.chart, work.p.size, arms.about.size, adjoint.f

@@ -131,7 +131,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
 
 @inner
 def _begin_back(adjoint: Adjoint) -> None:
-    """∂J/∂ what is added up where the step begins, into ∂J/∂(δq, δq̇), in `q` and `qd`."""
+    """∂J/∂ the sums where the step begins, into ∂J/∂(δq, δq̇), in `q` and `qd`."""
     work = adjoint.tangents.problem.work
     n = work.p.size
     for i in range(work.chart.sin.size):

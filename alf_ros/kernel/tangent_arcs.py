@@ -1,8 +1,8 @@
 """Derivatives of a step of a planar mechanism in the step's own coordinates: arcs ξ and momenta w.
 
-A step that is added up along arcs (`arc_coordinates`) has the derivative of that sum: δξ and δw are
-added up as ξ and w are, and what unfolds and folds them is differentiated. Left out is how the way
-changes by which a stage is moved onto Φ = 0, as M and Φ_q change (`project_position`). The
+A step that is added up along arcs (`arc_coordinates`) has the derivative of that sum: δξ and δw
+are added up as ξ and w are, and what unfolds and folds them is differentiated. Left out is how the
+way changes by which a stage is moved onto Φ = 0, as M and Φ_q change (`project_position`). The
 coordinates depend on where the step begins. There t and n turn with d, and κ = 1 / |d|:
 
     δt = n κ t·δd,   δn = -t κ t·δd,   δκ = κ² n·δd

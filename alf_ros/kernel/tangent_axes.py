@@ -1,9 +1,9 @@
 """Derivatives of a state in the coordinates of a step.
 
-Planar steps along arcs have the derivative of their own coordinates (`tangent_arcs`). In space, and
-beside singular positions, arrows turn with the arcs: a point of a turning bar moves on a circle,
-and so does the arrow of its derivative. So δq and δq̇ of a block with an arc are taken relative to
-the block that it turns about, along the axes T, N, b of the arc, which turn by κ ȧ
+Planar steps along arcs have the derivative of their own coordinates (`tangent_arcs`). In space,
+and beside singular positions, arrows turn with the arcs: a point of a turning bar moves on a
+circle, and so does the arrow of its derivative. So δq and δq̇ of a block with an arc are taken
+relative to the block that it turns about, along the axes T, N, b of the arc, which turn by κ ȧ
 (`arc_coordinates`).
 """
 
@@ -57,7 +57,7 @@ def accept_tangents(tangents: Tangents, phase: Phase) -> int:
 
 @inner
 def begin_tangents(tangents: Tangents, problem: Problem, phase: Phase, near: bool) -> None:
-    """What is added up of the tangents, where the step begins at `phase`.
+    """Begin the sums of a step at `phase`: δq and δq̇, or along arcs δξ and δw.
 
     `near`: a stage is beside a singular position. Momenta do not determine δq̇ there.
     """
@@ -151,7 +151,7 @@ def unfold_tangents(
 
 @inner
 def fold_tangents(tangents: Tangents, problem: Problem, s: np.uint64) -> None:
-    """The rates of stage s of what is added up."""
+    """The rates of the sums in stage s."""
     if adds_arcs(tangents):
         for k in range(tangents.groups):
             fold_arcs(tangents, problem, k, s)
