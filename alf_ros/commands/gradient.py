@@ -53,9 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         value = overrides.number(scene, name)
         derivative, for_more = slope + 0.0, 0.01 * value * slope + 0.0  # without negative zeros
         print(f'{name:{width}}  {value:14.6g}  {derivative:16.9g}  {for_more:14.3g}')
-    if log.damage or log.absent:  # of a shorter run than the one that was made, maybe
-        reason = log.damage or log.absent
-        print(f'the log is not whole: it is the run until t = {log.end:.9g} s ({reason})')
+    if log.cut:  # of a shorter run than the one that was made, maybe
+        print(log.cut)
     if found.trouble:
         print(f'the run is not resolved: {found.trouble}')
     if options.json:  # last: what cannot be written must not take the numbers along

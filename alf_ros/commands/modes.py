@@ -41,7 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     with parser.naming(t='--at'):
         rest = equilibrium(scene, t=options.at)
         found = modes(rest, count=options.count)
-    print('\n'.join([f'at rest, {rest.stability}', *(f'note: {note}' for note in rest.notes)]))
+    notes = (*rest.notes, *found.notes)
+    print('\n'.join([f'at rest, {rest.stability}', *(f'note: {note}' for note in notes)]))
     print(_table(found))
     if options.json:
         with writing('--json', options.json):
@@ -50,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.html:
         title = f'{scene.name}: modes at rest, {rest.stability}'
         with writing('--html', options.html):
-            paths.put(paths.named(options.html), page(found, title, rest.notes))
+            paths.put(paths.named(options.html), page(found, title, notes))
     return 0
 
 

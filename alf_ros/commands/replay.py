@@ -54,6 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     log, status = load(options.log), StatusLine()
     with ProgressBar('reading') as bar:
         source: Source = Redriven(log, options.trust) if options.redrive else Recorded(log, bar)
+    if log.cut:
+        print(f'alf_ros replay: {log.cut}', file=sys.stderr)
     try:
         unborn_ports.remove()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)

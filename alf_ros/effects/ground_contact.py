@@ -121,6 +121,11 @@ def at_rest(_: Parameters) -> str:
     return contract.CONTACT
 
 
+def creeping(p: Parameters) -> float | None:
+    """ε."""
+    return p.slip if p.friction else None
+
+
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """Numbers of each: k, p, c, μ, ε, R, number of directions of the body, n · through, n; 1 for a
     wheel, and a.

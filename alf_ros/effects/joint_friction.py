@@ -85,6 +85,14 @@ def at_rest(p: Parameters) -> str | None:
     return contract.FRICTION_HOLDS if p.dynamic or p.static else None
 
 
+def creeping(p: Parameters) -> float | None:
+    """ε, or Stribeck's speed if that is less."""
+    if at_rest(p) is None or p.load == 0.0:
+        return None
+    falls = p.static is not None and p.static > p.dynamic
+    return min(p.slip, p.stribeck) if falls else p.slip
+
+
 def loaded(parameters: Parameters) -> str | None:
     """The coordinate whose reaction an instance depends on."""
     rubs = parameters.dynamic > 0.0 or (parameters.static or 0.0) > 0.0

@@ -176,6 +176,11 @@ def unlimited(parameters: Parameters) -> Parameters:
     return replace(parameters, limit=None)
 
 
+def creeping(p: Parameters) -> float | None:
+    """ε."""
+    return p.slip if p.friction else None
+
+
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """One scalar for each joint or distance; the first of a tendon has its numbers.
 

@@ -197,6 +197,13 @@ class Log:
         known to be. Such a log seems to be whole, if they are the last ones."""
         return absent(self.path, self.files)
 
+    @property
+    def cut(self) -> str:
+        """A sentence about a log that is not whole: its end and the reason; '' of a whole one."""
+        reason = self.damage or self.absent
+        until = f'it is the run until t = {self.end:.9g} s'
+        return f'the log is not whole: {until} ({reason})' if reason else ''
+
     # ------------------------------------------------------------------------------------- content
 
     def topic(self, name: str) -> str:

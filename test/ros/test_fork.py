@@ -446,6 +446,17 @@ def test_inputs_in_a_file_that_is_not_there_are_not_passed_over(tmp_path, capsys
     assert main([*options, '0.1']) == 0
 
 
+@pytest.mark.parametrize('which', [1, -1])
+def test_a_file_that_is_not_there_is_said(which, tmp_path, capsys):
+    path, _ = make(tmp_path, 'slider_crank', 400, push_at=50, split=Split(duration=0.2))
+    files = sorted(path.parent.glob('*.mcap'))
+    files[which].unlink()
+    assert main(['fork', str(path.parent), '--at', '0.1', '-o', str(tmp_path / 'new')]) == 0
+    end = 0.8 if which == 1 else 0.6
+    said = f'it is the run until t = {end:g} s (1 of its 4 files are not there)'
+    assert capsys.readouterr().err == f'alf_ros fork: the log is not whole: {said}\n'
+
+
 def test_what_is_there_is_not_written_over(parent, tmp_path, capsys):
     (tmp_path / 'new').mkdir()
     assert main(['fork', str(parent.path), '--at', '0.1', '-o', str(tmp_path / 'new')]) == 2

@@ -247,6 +247,37 @@ def test_outputs_that_are_one_of_many_are_noted() -> None:
     assert model.notes == ('joints are redundant, and one solution of many: ' + model.outputs[0],)
 
 
+def test_the_speed_up_to_which_dry_friction_is_linear_is_noted() -> None:
+    """The force is within a percent of the slope up to a tenth of this speed, and not beyond."""
+    slow = {'joint': 'j0', 'static': 0.2, 'load': 1.0, 'stribeck': 0.05, 'slip': 0.1}
+    dry = {'slow': slow, 'loaded': {'joint': 'j0', 'dynamic': 0.1}, 'none': {'joint': 'j0'}}
+    dry['none'] |= {'viscous': 0.1, 'dynamic': 0.1, 'load': 0.0}
+    ground = {'on': 'P1', 'stiffness': 1e3, 'friction': 0.5, 'through': [0, -2]}
+    tendon = {'path': ['P1', ['ground', [0, -3]]], 'stiffness': 1.0, 'friction': 0.1}
+    effects = {'joint_friction': dry, 'ground_contact': {'floor': ground}, 'tendon': tendon}
+    scene = chain(1, {**GRAVITY, **effects})
+    about = 'dry friction is taken as viscous, which holds while it slides far more slowly than'
+    notes = linearise(scene).notes
+    for said in (
+        f'joint_friction.slow: {about} 0.05 rad/s',
+        f'joint_friction.loaded: {about} 0.01 rad/s',
+        f'tendon: {about} 0.01 m/s',
+    ):
+        assert said in notes
+    assert not any(name in note for note in notes for name in ('none', 'floor'))
+    assert modes(scene).notes == (
+        f'joint_friction.slow: {about} 0.05 rad/s',
+        'joint_friction.loaded: dry friction under a reaction is left out',
+        f'tendon: {about} 0.01 m/s',
+    )
+    simulation = Simulation(scene)
+    simulation.step(10)
+    assert any(
+        note.endswith('far below 0.05 rad/s, or below the speed at which it slides here')
+        for note in linearise(simulation).notes
+    )
+
+
 def test_none_in_a_singular_position() -> None:
     upright = {'A': [0, 1], 'B': [0, 0]}
     scene = load_scene(

@@ -58,6 +58,9 @@
 `at_rest(parameters)` (optional)
     FRICTION_HOLDS if the effect holds positions around a balance, STOP or CONTACT if it pushes
     beyond a limit only: `equilibrium` says so.
+`creeping(parameters)` (optional)
+    the speed far below which its dry friction is linear, in the unit of the coordinate that it
+    acts on, or m/s; None without dry friction. Linear models say so.
 
 The kernel calls them through their addresses: naming another set of effects compiles nothing but
 the effects that are new. The arguments are pointers, so nothing is checked and nothing is

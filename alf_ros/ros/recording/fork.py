@@ -50,8 +50,9 @@ def fork(
     """Continue a log from its last instant up to `at` (s), for `duration` (s) or to its end.
 
     `changes` are changes for `scene.overrides`. The inputs that the log has from there on act at
-    the same times. `warn` is called with a text if the steps are too long, if the scene of the new
-    log has no initial velocities, and if the log has messages of sensors: the new one has none.
+    the same times. `warn` is called with a text if the log is not whole, if the steps are too
+    long, if the scene of the new log has no initial velocities, and if the log has messages of
+    sensors: the new one has none.
     Returns the folder of the new log, made in `folder`. Raises InputError for an impossible
     request, StepError if a step fails; the log is complete up to that step. A log whose inputs are
     not the ones of its motion is refused.
@@ -82,6 +83,8 @@ def fork(
             value=duration,
             expected=f'at most {log.end - start:.9g} s',
         )
+    if log.cut:
+        warn(log.cut)
     if shows_states(log):
         again = resume(log, at, trust)
         check_motion(log, again.rerun, again.rest, end)

@@ -32,6 +32,7 @@ from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
+from alf_ros.studies.statics.creeping_friction import creeping
 from alf_ros.studies.statics.descent import moved
 from alf_ros.studies.statics.difference_slopes import slope_at_zero
 from alf_ros.studies.statics.frozen_time import read_at, standing_still
@@ -87,6 +88,7 @@ def linearise(
     names, units = _outputs(sample, outputs)
     C = charted.slopes(names)
     notes = ['the loads of friction are held'] if rubbing.size else []
+    notes += creeping(instant)
     if instant.qd.any():
         notes.append(_MOVING)
     if not isinstance(about, Simulation):

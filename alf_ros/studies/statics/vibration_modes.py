@@ -25,6 +25,7 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import whole
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
+from alf_ros.studies.statics.creeping_friction import creeping
 from alf_ros.studies.statics.descent import pushed
 from alf_ros.studies.statics.force_change import STEPS
 from alf_ros.studies.statics.instant import DENSE, Instant, Loads
@@ -62,6 +63,11 @@ class VibrationModes:
         loss = np.einsum('kn,kn->k', self.partners, (self.instant.C @ self.motions.T).T)
         rates = np.sqrt(np.where(self.squares > 0.0, self.squares, np.nan))
         return np.asarray(loss / (2.0 * rates))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Of the damping ratios: where they hold."""
+        return tuple(creeping(self.instant))
 
     @cached_property
     def shapes(self) -> Floats:
