@@ -48,10 +48,8 @@ class InputError(AlfError):
             text += f'; expected {expected}'
         if self.choices is not None:
             names = self.choices
-            near = difflib.get_close_matches(
-                str(value if value is not None else key), names, 1, 0.5
-            )
-            if near:
+            near = difflib.get_close_matches(str(value), names, 1, 0.5)
+            if near and value is not None:
                 text += f'; did you mean {shortened(repr(near[0]))}?'
             elif names:
                 some = ', '.join(shortened(str(name)) for name in names[:12])

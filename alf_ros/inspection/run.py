@@ -30,7 +30,7 @@ from alf_ros.simulation.quantities import (
     Quantity,
     full_name,
     groups,
-    is_reaction,
+    may_be_open,
     open_components,
 )
 from alf_ros.simulation.sample import Sample
@@ -73,14 +73,14 @@ class Run:
         times: list[float] = []
         rows: list[tuple[Floats, ...]] = []
         wanted: list[tuple[Group, list[int]]] = []
-        has_reactions = False
+        has_open = False
         for sample in samples:
             if not isinstance(sample, Sample):
                 raise InputError('not a sample', key='samples', value=sample)
             if not times:
                 wanted = _wanted(groups(sample), only)
-                has_reactions = any(is_reaction(group.names[0]) for group, _ in wanted)
-            if has_reactions:
+                has_open = any(may_be_open(group.names[0]) for group, _ in wanted)
+            if has_open:
                 self._of_rank.setdefault(sample.diagnostics.redundant, sample)
                 self._last = sample
             times.append(sample.t)
@@ -151,12 +151,13 @@ class Run:
 
     @cached_property
     def indeterminate(self) -> tuple[str, ...]:
-        """The reactions that are one of many that balance, because constraints are redundant: in
-        the first or the last sample, or where the number of redundant rows changes."""
+        """The reactions and efforts that are one of many that balance, because constraints are
+        redundant: in the first or the last sample, or where the number of redundant rows
+        changes."""
         samples = [*self._of_rank.values(), *([self._last] if self._last else [])]
         return tuple(
             name
-            for name in filter(is_reaction, self.names)
+            for name in filter(may_be_open, self.names)
             if any(open_components(sample, name).any() for sample in samples)
         )
 
@@ -164,7 +165,7 @@ class Run:
         """Whether a quantity is in `indeterminate`; of a component, whether its quantity is.
         Raises InputError for an unknown name."""
         full = self._found(name)[0]
-        return is_reaction(full) and full in self.indeterminate
+        return may_be_open(full) and full in self.indeterminate
 
     # ------------------------------------------------------------------------------ the ways out
 
@@ -235,7 +236,7 @@ class Run:
         """All quantities as an xarray Dataset along `t` (s), with `units` as attributes.
 
         Components lie along the dimension 'axis' (x, y, z), and components of poses along 'pose'.
-        Reactions that are one of many have the attribute `indeterminate`.
+        Reactions and efforts that are one of many have the attribute `indeterminate`.
         Raises InputError without xarray.
         """
         try:

@@ -74,16 +74,31 @@ class BearingShares:
         joints, D, spins = self._shape
         if not len(rows):
             return np.zeros((joints, D + spins), dtype=bool)
+        left = np.abs(self._loose(wrenches).T @ wrenches).max(axis=0, initial=0.0)
+        return np.asarray((left > _OPEN).reshape(joints, D + spins))
+
+    def open_rows(self, work: Work, there: CutWork) -> Floats:
+        """(k, rows) changes of λ that these bearings leave open: no bearing yields under them."""
+        rows, _sigma = dependent_rows(self._model, work)
+        return np.asarray(self._loose(self._wrenches_of(rows, work, there)).T @ rows)
+
+    def _loose(self, wrenches: Floats) -> Floats:
+        """(k, loose) sums of k self-stresses that have no elastic energy."""
         energy = (self._compliance.ravel() * wrenches) @ wrenches.T
         values, vectors = np.linalg.eigh(energy)
-        loose = vectors[:, values <= _NOTHING * max(values.max(initial=0.0), 1e-300)]
-        left = np.abs(loose.T @ wrenches).max(axis=0, initial=0.0)
-        return np.asarray((left > _OPEN).reshape(joints, D + spins))
+        return vectors[:, values <= _NOTHING * max(values.max(initial=0.0), 1e-300)]
 
     def _self_stresses(self, work: Work, there: CutWork) -> tuple[Floats, Floats]:
         """Left null vectors (k, rows), and the wrenches of all joints that belong to them (k,
         joints times (D + 1 or 3)), each of size 1."""
         rows, _sigma = dependent_rows(self._model, work)
+        wrenches = self._wrenches_of(rows, work, there)
+        sizes = np.abs(wrenches).max(axis=1, initial=0.0)
+        felt = sizes > 0.0
+        return rows[felt] / sizes[felt, None], wrenches[felt] / sizes[felt, None]
+
+    def _wrenches_of(self, rows: Floats, work: Work, there: CutWork) -> Floats:
+        """(k, joints times (D + 1 or 3)) of changes of λ (k, rows)."""
         kept, Q, qdd = work.y.copy(), there.Q.copy(), work.qdd.copy()
         there.Q[:], work.qdd[:] = 0.0, 0.0
         wrenches = np.zeros((len(rows), self._compliance.size))
@@ -91,9 +106,7 @@ class BearingShares:
             work.y[:] = row
             wrench[:] = self._wrenches(work, there).ravel()
         work.y[:], there.Q[:], work.qdd[:] = kept, Q, qdd
-        sizes = np.abs(wrenches).max(axis=1, initial=0.0)
-        felt = sizes > 0.0
-        return rows[felt] / sizes[felt, None], wrenches[felt] / sizes[felt, None]
+        return wrenches
 
     def _wrenches(self, work: Work, there: CutWork) -> Floats:
         """(joints, D + 1 or 3)"""

@@ -37,6 +37,14 @@ def is_number(value: object) -> bool:
         return False
 
 
+def choice(value: Any, key: str, known: Sequence[str], message: str) -> str:
+    """One of the `known` names. Raises InputError with the message, and if nothing is given."""
+    if isinstance(value, str) and value in known:
+        return value
+    said = 'nothing given' if value is None else message
+    raise InputError(said, key=key, value=value, choices=known)
+
+
 def whole(value: Any, key: str, least: int, most: int = MOST_STEPS) -> int:
     """A whole number from `least` to `most`. Raises InputError."""
     if isinstance(value, Integral) and not isinstance(value, bool) and least <= int(value) <= most:

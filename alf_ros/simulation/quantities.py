@@ -19,7 +19,7 @@ from alf_ros.model.constraints.drives import motion_names
 from alf_ros.simulation.sample import Sample
 
 ONE_OF_MANY = 'one of many that balance: constraints are redundant'
-_REACTIONS = 'reactions.'
+_REACTIONS, _EFFORT = 'reactions.', '.effort'
 
 
 @dataclass(frozen=True)
@@ -53,18 +53,24 @@ def groups(sample: Sample) -> tuple[Group, ...]:
 
 
 def open_components(sample: Sample, name: str) -> NDArray[np.bool_]:
-    """(components,) whether a reaction is one of many at this sample: redundant constraints, or a
-    singular position, leave the component open. Empty for other quantities."""
-    if not is_reaction(name):
+    """(components,) whether a reaction, or an effort of drives, is one of many at this sample:
+    redundant constraints, or a singular position, leave the component open. Empty for other
+    quantities."""
+    if not may_be_open(name):
         return np.zeros(0, dtype=bool)
-    joint, _, kind = name.removeprefix(_REACTIONS).rpartition('.')
-    reaction = sample.reactions[joint]
-    return reaction.open_force if kind == 'force' else reaction.open_torque
+    kind, _, path = name.partition('.')
+    owner, _, part = path.rpartition('.')
+    if kind == 'joints':
+        return sample.open_joint_efforts[[sample.model.coordinate_names.index(owner)]]
+    if kind == 'drives':
+        return sample.open_motion_efforts[[motion_names(sample.model.mechanism).index(owner)]]
+    reaction = sample.reactions[owner]
+    return reaction.open_force if part == 'force' else reaction.open_torque
 
 
-def is_reaction(name: str) -> bool:
-    """Whether a quantity is the force or the torque of a joint."""
-    return name.startswith(_REACTIONS)
+def may_be_open(name: str) -> bool:
+    """Whether a quantity is the force or the torque of a joint, or an effort."""
+    return name.startswith(_REACTIONS) or name.endswith(_EFFORT)
 
 
 def _paths(pattern: str, names: Iterable[str]) -> tuple[str, ...]:

@@ -20,12 +20,14 @@ from alf_ros.errors import AlfError, InputError
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints import couplings, rotors
 from alf_ros.model.constraints.drives import effort
+from alf_ros.model.null_spaces import dependent_rows
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Inputs
 from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.kept import kept
 from alf_ros.simulation.named_values import NamedValues, read_only
+from alf_ros.simulation.open_efforts import OpenEfforts
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Known, Resolution
 from alf_ros.simulation.sample_diagnostics import Diagnostics
@@ -40,11 +42,15 @@ _NONE = read_only(np.zeros(0))
 
 @dataclass(frozen=True)
 class JointState:
-    """position (rad, or m along a slider), velocity, effort (N m or N) on the free axis."""
+    """position (rad, or m along a slider), velocity, effort (N m or N) on the free axis.
+
+    `indeterminate`: the effort is one of many that balance, because drives are redundant.
+    """
 
     position: float
     velocity: float
     effort: float
+    indeterminate: bool = False
 
 
 @dataclass(frozen=True)
@@ -276,8 +282,58 @@ class Sample(Dynamics):
                 float(self.joint_positions[n]),
                 float(self.joint_velocities[n]),
                 float(self.joint_efforts[n]),
+                bool(self.open_joint_efforts[n]),
             ),
         )
+
+    @kept
+    def open_drive_efforts(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Of each number in `drive_efforts` whether it is one of many that balance: another drive
+        or a loop holds the same freedom."""
+        drives, found = self.model.mechanism.drives, self._open_efforts
+        return {
+            drive.name: np.isnan(self.drive_efforts[drive.name])
+            | (False if found is None else found.of_drive(drive))
+            for drive in drives
+        }
+
+    @property
+    def open_motion_efforts(self) -> NDArray[np.bool_]:
+        """(motions,) the same of each effort in `drives`."""
+        drives = self.model.mechanism.drives
+        each = [
+            is_open
+            for drive in drives
+            for is_open, motion in zip(
+                self.open_drive_efforts[drive.name], drive.motion, strict=False
+            )
+            if motion is not None
+        ]
+        return np.array(each, dtype=bool)
+
+    @kept
+    def open_joint_efforts(self) -> NDArray[np.bool_]:
+        """(joint coordinates,) the same of each effort in `joint_efforts`."""
+        is_open = np.isnan(self.joint_efforts)
+        for drive in self.model.mechanism.drives:
+            if drive.kind in ('angle', 'length'):
+                n = self.model.coordinate_names.index(drive.of[0])
+                is_open[n] |= self.open_drive_efforts[drive.name][0]
+        return is_open
+
+    @kept
+    def _open_efforts(self) -> OpenEfforts | None:
+        """None if all efforts of drives are unique."""
+        redundant, work = self._redundant, self._linearised
+        if self._limits is not None:  # of rows that depend on others also beside the position
+            redundant, work = self._dependent_rows, self._limits.beside
+        if not redundant or not self.model.mechanism.drives:
+            return None
+        shares = self._instruments.shares
+        if shares is None:
+            return OpenEfforts(self.model, work, dependent_rows(self.model, work)[0])
+        with self._on_cut() as there:
+            return OpenEfforts(self.model, work, shares.open_rows(work, there))
 
     # ----------------------------------------------------------------------------------- reactions
 
@@ -397,10 +453,11 @@ class Sample(Dynamics):
                         (self.joint_efforts, ('N m', 'N')),
                     )
                 ),
+                'one of many' if self.open_joint_efforts[n] else '',
             )
             for n, each in enumerate(coordinates)
         )
-        head = ('joint coordinate', 'position', 'velocity', 'effort')
+        head = ('joint coordinate', 'position', 'velocity', 'effort', 'share')
         return html_table.table(head, rows, len(coordinates))
 
     def _reaction_table(self) -> str:

@@ -74,6 +74,7 @@ def test_a_sample() -> None:
         f'{guide.position:.6g} m',
         f'{guide.velocity:.6g} m/s',
         f'{guide.effort:.6g} N',
+        '',
     ]
     x, y = sample.reactions['crank_pin'].force
     _, reaction = (row for row in shown.rows if row[0] == 'crank_pin')

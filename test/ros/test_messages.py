@@ -232,6 +232,7 @@ def test_diagnostics_have_fixed_keys_with_units(slider_crank):
         'rank',
         'redundant',
         'indeterminate_reactions',
+        'indeterminate_efforts',
         'singular',
         'distance_to_singular',
     ]

@@ -167,6 +167,7 @@ def test_each_value_of_a_list_is_equally_likely():
     ('kind', 'vary', 'members', 'said'),
     [
         ('dice', TWO, 3, "sampling: no such sampling, got 'dice'; known: random, lhs"),
+        (None, TWO, 3, 'sampling: nothing given; known: random, lhs'),
         ('random', {}, 3, 'vary: nothing varies; expected {name: distribution or list}'),
         ('random', TWO, None, 'members: how many?; expected a whole number'),
         ('saltelli', TWO, 30, 'members: not usable for Sobol indices, got 30; expected 4 times'),

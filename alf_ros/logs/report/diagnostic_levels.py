@@ -24,7 +24,9 @@ PLOTTED = {
     ('timing', 'lateness_p99_s'): ('cost', 'lateness of a tick, 99 %'),
     ('constraints', 'distance_to_singular'): CLOSEST,
 }
-_OPEN, _NO_NAMES = ('constraints', 'indeterminate_reactions'), ('no', 'unknown')
+_OPEN = 'constraints', 'indeterminate_reactions'
+_OPEN_EFFORTS = 'constraints', 'indeterminate_efforts'
+_NO_NAMES = 'no', 'unknown'
 _ENERGY = ('energy_j', 'initial_energy_j', 'change_j')
 _JOULE = '_j'
 
@@ -33,10 +35,11 @@ _JOULE = '_j'
 class Reports:
     """`levels` by task: 0 OK, 1 WARN, 2 ERROR; `numbers` by (panel, name); `texts`: (t, level,
     text) of warnings and errors, once while they last; `open_joints`: whose reactions are one of
-    many. `task` precedes the names of tasks."""
+    many; `open_drives`: whose efforts are. `task` precedes the names of tasks."""
 
     task: str = ''
     open_joints: dict[str, None] = field(default_factory=dict)
+    open_drives: dict[str, None] = field(default_factory=dict)
     levels: dict[str, Trace] = field(default_factory=dict)
     numbers: dict[tuple[str, str], Trace] = field(default_factory=dict)
     texts: list[tuple[float, int, str]] = field(default_factory=list)
@@ -57,8 +60,9 @@ class Reports:
             self.texts.append((t, level, text))
         self._last[task] = text
         for entry in status['values']:
-            if (task, entry['key']) == _OPEN and entry['value'] not in _NO_NAMES:
-                self.open_joints.update(dict.fromkeys(entry['value'].split(', ')))
+            for key, found in ((_OPEN, self.open_joints), (_OPEN_EFFORTS, self.open_drives)):
+                if (task, entry['key']) == key and entry['value'] not in _NO_NAMES:
+                    found.update(dict.fromkeys(entry['value'].split(', ')))
             place = PLOTTED.get((task, entry['key'])) or _work(task, entry['key'])
             if place is not None:
                 _note(self.numbers, place, t, _number(entry['value']))

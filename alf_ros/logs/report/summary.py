@@ -87,6 +87,9 @@ def _about(log: Log, found: Gathered) -> list[tuple[str, str]]:
     if found.reports.open_joints:
         names = ', '.join(found.reports.open_joints)
         told.append(('indeterminate', f'reactions of {names}: {ONE_OF_MANY}'))
+    if found.reports.open_drives:
+        names = ', '.join(found.reports.open_drives)
+        told.append(('indeterminate', f'efforts of {names}: {ONE_OF_MANY}'))
     if found.worst[0]:
         told.append(('worst', f'constraint {found.worst[1]}: |Φ| = {found.worst[0]:.3g}'))
     return told

@@ -28,6 +28,7 @@ CONSTRAINTS = (
     'rank',
     'redundant',
     'indeterminate_reactions',
+    'indeterminate_efforts',
     'singular',
     'distance_to_singular',
 )
@@ -93,6 +94,7 @@ def constraints(sample: Sample, closest: float = math.inf) -> Report:
             found.rank,
             found.redundant,
             _indeterminate(sample),
+            _open_efforts(sample),
             found.singular,
             closest,
         )
@@ -118,6 +120,12 @@ def _indeterminate(sample: Sample) -> str:
         return 'no'
     each = sample.reactions.items()
     return ', '.join(name for name, reaction in each if reaction.indeterminate) or 'no'
+
+
+def _open_efforts(sample: Sample) -> str:
+    """The drives whose effort is one of many that balance; 'no' if there are none."""
+    each = sample.open_drive_efforts.items()
+    return ', '.join(name for name, is_open in each if is_open.any()) or 'no'
 
 
 def energy(sample: Sample, initial: float) -> Report:

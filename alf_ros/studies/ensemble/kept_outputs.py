@@ -26,7 +26,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run, RunsTogether
-from alf_ros.simulation.input_checks import CLOSE
+from alf_ros.simulation.input_checks import CLOSE, choice
 from alf_ros.simulation.quantities import ONE_OF_MANY
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.studies.ensemble.user_function import UserFunction
@@ -391,8 +391,7 @@ def _at(data: Mapping[str, Any], label: str | None) -> KeptOutput:
 def _crossing(data: Mapping[str, Any], label: str | None) -> KeptOutput:
     quantity, norm = _measured(data['crossing'])
     direction = data.get('direction', 'both')
-    if direction not in DIRECTIONS:
-        raise InputError('no direction', key='direction', value=direction, choices=DIRECTIONS)
+    choice(direction, 'direction', DIRECTIONS, 'no direction')
     return KeptOutput(
         label or f'{quantity}_crossing',
         'crossing',

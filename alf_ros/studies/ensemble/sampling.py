@@ -28,6 +28,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
+from alf_ros.simulation.input_checks import choice
 from alf_ros.studies.ensemble.distributions import Distribution, Value, value
 
 SAMPLINGS = ('random', 'lhs', 'sobol', 'saltelli', 'grid', 'table')
@@ -45,8 +46,7 @@ class Sampling:
     def __init__(
         self, kind: str, vary: Mapping[str, Varied], members: int | None, seed: int
     ) -> None:
-        if not isinstance(kind, str) or kind not in SAMPLINGS:
-            raise InputError('no such sampling', key='sampling', value=kind, choices=SAMPLINGS)
+        choice(kind, 'sampling', SAMPLINGS, 'no such sampling')
         if not vary:
             raise InputError('nothing varies', key='vary', expected='{name: distribution or list}')
         self.kind, self.seed, self.names = kind, seed, tuple(vary)

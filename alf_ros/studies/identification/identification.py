@@ -12,7 +12,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError, StoppedError
 from alf_ros.scene.scene import Scene, load_scene
-from alf_ros.simulation.input_checks import by_name, number, text, truth
+from alf_ros.simulation.input_checks import by_name, choice, number, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
 from alf_ros.studies.identification.best_starts import best_starts, nearer_starts
 from alf_ros.studies.identification.handed_over import handed_over
@@ -91,8 +91,7 @@ def identify(
         raise InputError('out of range', key='window', value=length, expected='more than 0 s')
     if not part < 1.0:
         raise InputError('out of range', key='hold_out', value=part, expected='0 or more, below 1')
-    if text(loss, 'loss') not in robust_loss.NAMES:
-        raise InputError('no such loss', key='loss', value=loss, choices=robust_loss.NAMES)
+    choice(loss, 'loss', robust_loss.NAMES, 'no such loss')
     late = truth(delay, 'delay')
     limits = by_name(bounds, 'bounds', '{name: (least, largest)}')
     known = by_name(priors, 'priors', '{name: (mean, standard deviation)}')

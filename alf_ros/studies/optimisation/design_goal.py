@@ -18,7 +18,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.simulation.input_checks import number, numbers, text
+from alf_ros.simulation.input_checks import choice, number, numbers, text
 from alf_ros.simulation.named_number import CALL
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.ensemble.kept_outputs import DIRECTIONS
@@ -162,10 +162,7 @@ def _mapped(data: Mapping[str, Any], key: str, sample: Sample, duration: float) 
     quantity = design_quantity(data['crossing'], f'{key}.crossing', sample)
     value = number(data.get('value', 0.0), f'{key}.value')
     direction = data.get('direction', 'both')
-    if text(direction, f'{key}.direction') not in DIRECTIONS:
-        raise InputError(
-            'no direction', key=f'{key}.direction', value=direction, choices=DIRECTIONS
-        )
+    choice(direction, f'{key}.direction', DIRECTIONS, 'no direction')
     name = f'crossing({quantity.text}, {value:g})'
     return DesignGoal(name, 's', 'crossing', quantity, at=value, direction=direction)
 

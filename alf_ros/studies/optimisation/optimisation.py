@@ -247,8 +247,7 @@ def _workers(given: Any, starts: int) -> int:
 
 def _begins(numbers: DesignNumbers, count: int, seed: int, sampling: Any) -> tuple[Floats, ...]:
     """(P,) of each start: the scene, then samples within the bounds."""
-    if check.text(sampling, 'sampling') not in SAMPLINGS:
-        raise InputError('no such sampling', key='sampling', value=sampling, choices=SAMPLINGS)
+    check.choice(sampling, 'sampling', SAMPLINGS, 'no such sampling')
     found = [np.clip(numbers.before, numbers.lower, numbers.upper)]
     if count > 1:
         vary = {name: uniform(0.0, 1.0) for name in numbers.names}

@@ -28,6 +28,7 @@ from alf_ros.model.carried_positions import blocks_of
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import texts
+from alf_ros.simulation.quantities import open_components
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
@@ -99,8 +100,7 @@ def linearise(
     kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]
     if kinked:
         notes.append(f'in a kink, without a slope (NaN): {", ".join(kinked)}')
-    reactions = [name for name in names if name.startswith('reactions.')]
-    shared = [name for name in reactions if sample.reactions[name.split('.')[1]].indeterminate]
+    shared = [name for name in names if open_components(sample, _quantity(sample, name)).any()]
     if shared:
         notes.append(f'joints are redundant, and one solution of many: {", ".join(shared)}')
     B = np.zeros((len(A), len(named)))

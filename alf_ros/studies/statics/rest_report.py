@@ -26,7 +26,12 @@ def report(found: Equilibrium) -> str:
     if found.joints:
         lines += ['', _row('joint', ['rad or m', 'effort, N m or N'])]
         states = found.joints.items()
-        lines += _some([_row(name, [s.position, s.effort]) for name, s in states])
+        lines += _some(
+            [
+                _row(name, [s.position, s.effort]) + ('  one of many' * s.indeterminate)
+                for name, s in states
+            ]
+        )
     if found.reactions and found.stability != 'undecided':
         lines += ['', _row('reaction', [f'{axis}, N' for axis in _AXES[:D]])]
         carried = found.reactions.items()
@@ -56,7 +61,8 @@ def as_data(found: Equilibrium) -> dict[str, Any]:
         'directions': found.directions.tolist(),
         'points': {name: at.tolist() for name, at in found.points.items()},
         'joints': {
-            n: {'position': s.position, 'effort': s.effort} for n, s in found.joints.items()
+            n: {'position': s.position, 'effort': s.effort, 'indeterminate': s.indeterminate}
+            for n, s in found.joints.items()
         },
         'reactions': {
             name: {
