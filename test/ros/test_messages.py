@@ -11,7 +11,7 @@ from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from alf_ros import Simulation, load_scene
+from alf_ros import Simulation, equilibrium, load_scene
 from alf_ros.errors import StepError
 from alf_ros.logs.stamps import period_of, stamp_ns
 from alf_ros.model.softest_modes import near as near_level
@@ -214,6 +214,36 @@ def test_what_has_no_joints_says_nothing_of_joints():
     # and tf where tf2_msgs is installed
     assert made[:5] == ['~/state', '~/energy', '~/energy_stamped', 'clock', '~/markers']
     assert made[5:] in ([], ['tf'])
+
+
+@pytest.mark.parametrize(
+    ('integrator', 'tolerance', 'level'),
+    [
+        ('esdirk43_adaptive', 1e-2, diagnostics.WARN),
+        ('esdirk43_adaptive', 1e-5, diagnostics.OK),
+        ('dop853_adaptive', 1e-5, diagnostics.OK),
+    ],
+)
+def test_energy_that_adaptive_steps_lose_is_a_warning(integrator, tolerance, level):
+    """Each step keeps its tolerance, and their errors add up."""
+    options = {'integrator': integrator, 'tolerance': tolerance, 'step': 0.05}
+    simulation = Simulation(load_scene('double_pendulum'), ledger=True, **options)
+    first = simulation.sample()
+    simulation.step(1000)
+    sample = simulation.sample()
+    report = diagnostics.work(sample, diagnostics.balance(first))
+    missing, lost = report.values['missing_j'], sample.energy - first.energy
+    assert missing == pytest.approx(lost, rel=0.05, abs=1e-3)
+    assert report.level == level
+    assert ('take a smaller tolerance' in report.message) == (level == diagnostics.WARN)
+
+
+def test_rounding_at_rest_is_no_loss_of_energy():
+    simulation = Simulation(equilibrium(load_scene('four_bar')).simulation.scene, ledger=True)
+    simulation.restore(equilibrium(simulation).state)
+    begun = diagnostics.balance(simulation.sample())
+    simulation.step(200)
+    assert diagnostics.work(simulation.sample(), begun).level == diagnostics.OK
 
 
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):

@@ -250,8 +250,8 @@ def test_outputs_that_are_one_of_many_are_noted() -> None:
 def test_the_speed_up_to_which_dry_friction_is_linear_is_noted() -> None:
     """The force is within a percent of the slope up to a tenth of this speed, and not beyond."""
     slow = {'joint': 'j0', 'static': 0.2, 'load': 1.0, 'stribeck': 0.05, 'slip': 0.1}
-    dry = {'slow': slow, 'loaded': {'joint': 'j0', 'dynamic': 0.1}, 'none': {'joint': 'j0'}}
-    dry['none'] |= {'viscous': 0.1, 'dynamic': 0.1, 'load': 0.0}
+    none = {'joint': 'j0', 'viscous': 0.1, 'dynamic': 0.1, 'load': 0.0}
+    dry = {'slow': slow, 'loaded': {'joint': 'j0', 'dynamic': 0.1}, 'none': none}
     ground = {'on': 'P1', 'stiffness': 1e3, 'friction': 0.5, 'through': [0, -2]}
     tendon = {'path': ['P1', ['ground', [0, -3]]], 'stiffness': 1.0, 'friction': 0.1}
     effects = {'joint_friction': dry, 'ground_contact': {'floor': ground}, 'tendon': tendon}
