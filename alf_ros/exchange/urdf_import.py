@@ -196,7 +196,7 @@ class UrdfReader:
                 self.robot.leave('mimic that loops imply', name)
                 continue
             other = self.joints.get(each.joint)
-            if other is None or each.joint == name:
+            if other is None:
                 self.robot.leave('mimic', f'{name}, for there is no {each.joint!r}')
                 continue
             if other.type in _SEVERAL:

@@ -268,6 +268,10 @@ MISTAKES = {
         ('name="one" type="continuous">', 'name="one" type="continuous"><mimic joint="two"/>'),
         'it mimics itself',
     ),
+    'itself': (
+        ('name="one" type="continuous">', 'name="one" type="continuous"><mimic joint="one"/>'),
+        'one: it mimics itself',
+    ),
 }
 
 
