@@ -40,6 +40,7 @@ _FIELD = re.compile(
 _DEEPEST = 20  # types within types
 BEGIN = b'\x00\x01\x00\x00'  # the header: CDR, little endian
 _HEADER = len(BEGIN)
+_ZSTD = b'\x28\xb5\x2f\xfd'  # the begin of a message that rosbag2 compressed by itself
 # The stamp of a std_msgs/Header, which is the first field where there is one.
 FIRST_STAMP = slice(_HEADER, _HEADER + STAMP.size)
 
@@ -85,6 +86,9 @@ class Decoder:
 
     def read_with_places(self, data: bytes) -> Read:
         """The message, and where in `data` it is."""
+        if data[:4] == _ZSTD:
+            expected = 'messages that `ros2 bag convert` decompressed'
+            raise InputError('a compressed message', value=self._root, expected=expected)
         if data[:2] != BEGIN[:2]:
             raise InputError('not little-endian CDR', value=self._root)
         reader = _Reader(data)

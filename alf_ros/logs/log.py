@@ -410,16 +410,23 @@ def parts(path: Path) -> list[Path]:
 def absent(folder: Path, files: Sequence[Path]) -> str:
     """Whether the metadata.yaml in a folder lists more files than are there, or cannot be read;
     '' if not, and without one."""
-    path = folder / 'metadata.yaml'
-    if not os.path.isfile(path):  # of one file, or of a recording that was cut off
-        return ''
     try:
-        bag = yaml_document.read(path).mapping((_BAG,), (_BAG,))[_BAG]
-        count = len(bag.mapping(required=(_LISTED,))[_LISTED].sequence())
+        count = len(listed(folder))
     except InputError as error:
         return f'its metadata.yaml does not tell its files: {error.message}'
     missing = count - len(files)
     return f'{missing} of its {count} files are not there' if missing > 0 else ''
+
+
+def listed(folder: Path) -> list[str]:
+    """The names of the files that the metadata.yaml in a folder lists; none without one, as of one
+    file, or of a recording that was cut off. Raises InputError if it cannot be read."""
+    path = folder / 'metadata.yaml'
+    if not os.path.isfile(path):
+        return []
+    bag = yaml_document.read(path).mapping((_BAG,), (_BAG,))[_BAG]
+    entries = bag.mapping(required=(_LISTED,))[_LISTED].sequence()
+    return [entry.text().rpartition('/')[2] for entry in entries]
 
 
 def _number(path: Path) -> tuple[str, int]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from alf_ros import identify, load_scene
 from alf_ros.errors import InputError
@@ -16,6 +17,7 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation.setup import made
 from alf_ros.studies.identification.recorded_names import Topics
 from alf_ros.studies.identification.recording_reader import read_recording
+from support.foreign_bags import JOINTS as JOINTS_TYPE
 from support.foreign_bags import Message, joints, wrench, written
 from support.log_files import Retold, rewritten
 from support.recordings import Machine, pushes, scene
@@ -155,6 +157,9 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
     speeds = written(tmp_path / 'speeds', [only])
     (tmp_path / 'sqlite').mkdir()
     (tmp_path / 'sqlite' / 'bag_0.db3').write_bytes(b'')
+    for name in ('bag_0.mcap.zstd', 'bag_0.db3.zstd'):
+        (tmp_path / name.rpartition('_0.')[2]).mkdir()
+        (tmp_path / name.rpartition('_0.')[2] / name).write_bytes(b'')
     (tmp_path / 'text.mcap').write_text('no bag')
     (tmp_path / 'cut.mcap').write_bytes(b'')
     cases = [
@@ -169,6 +174,9 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
         (speeds, None, "joints: velocities without positions, got 'guide'; expected positions,"),
         (short, None, 'bag_0.mcap: /joint_states: a message that is not of its type'),
         (tmp_path / 'sqlite', None, 'a recording in SQLite; expected MCAP: `ros2 bag convert`'),
+        (tmp_path / 'db3.zstd', None, 'a recording in SQLite; expected MCAP: `ros2 bag convert`'),
+        (tmp_path / 'mcap.zstd', None, 'a recording in compressed files; expected files that `zs'),
+        (tmp_path / 'mcap.zstd' / 'bag_0.mcap.zstd', None, 'a recording in compressed files;'),
         (tmp_path / 'text.mcap', None, 'not an MCAP file'),
         (tmp_path / 'nothing', None, 'no such log; expected a folder or an .mcap file'),
     ]
@@ -185,6 +193,42 @@ def test_a_file_of_a_bag_that_is_not_there_is_said(tmp_path: Path) -> None:
     files = '{relative_file_paths: [bag_0.mcap, bag_1.mcap]}'
     (path / 'metadata.yaml').write_text(f'rosbag2_bagfile_information: {files}')
     assert read_recording(path, scene()).damage == '1 of its 2 files are not there'
+
+
+def test_a_file_that_is_not_of_the_bag_is_refused(tmp_path: Path) -> None:
+    """It was read as more of the same run, if it was later."""
+    path = written(tmp_path / 'bag', [joints('/joint_states', NOW, ['guide'], position=[1.4])])
+    later = joints('/joint_states', NOW + 10**9, ['guide'], position=[0.4])
+    other = written(tmp_path / 'other', [later]) / 'bag_0.mcap'
+    other.rename(path / 'other_0.mcap')
+    files = '{relative_file_paths: [bag/bag_0.mcap.zstd]}'  # decompressed, in its folder
+    (path / 'metadata.yaml').write_text(f'rosbag2_bagfile_information: {files}')
+    with pytest.raises(InputError, match=r"yaml beside it does not list, got 'other_0\.mcap'"):
+        read_recording(path, scene())
+    (path / 'other_0.mcap').unlink()
+    (channel,) = read_recording(path, scene()).channels
+    assert channel.values.tolist() == [1.4]
+
+
+COMPRESSED = b'\x28\xb5\x2f\xfd' + bytes(20)
+UNREADABLE = {
+    'compressed': (JOINTS_TYPE, COMPRESSED, 'a compressed message, got '),
+    'without a definition': ('', bytes(24), 'no definition of its type, got '),
+    'of IDL': ('module sensor_msgs {};', bytes(24), 'not a complete definition, got '),
+}
+
+
+@pytest.mark.parametrize(('text', 'data', 'said'), UNREADABLE.values(), ids=UNREADABLE)
+def test_messages_that_are_not_read(tmp_path: Path, text: str, data: bytes, said: str) -> None:
+    with open(tmp_path / 'it.mcap', 'wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema('sensor_msgs/msg/JointState', 'ros2msg', text.encode())
+        channel = writer.register_channel('/joint_states', 'cdr', schema)
+        writer.add_message(channel, NOW, data, NOW)
+        writer.finish()
+    with pytest.raises(InputError, match=rf'it\.mcap: /joint_states: {said}'):
+        read_recording(tmp_path / 'it.mcap', scene())
 
 
 def _states(topic: str = '/joint_states', begin: int = NOW, angle: float = 0.7) -> list[Message]:

@@ -28,6 +28,7 @@ _JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStampe
 _STRING = 'std_msgs/msg/String'
 _NS = 1e-9  # s
 _DAY = 86_400_000_000_000  # ns: inputs that far from all measurements have another clock
+_COMPRESSED = '.zstd'  # what rosbag2 adds to the name of a file that it compresses
 _LATE = 10  # messages that may overtake one; stamps that go back further are of another run
 
 
@@ -136,12 +137,19 @@ class _Reader:
                             value=channel.encoding,
                             expected='cdr',
                         )
-                    reader = readers.setdefault(id_, ChannelReader(channel))
                     try:
+                        if not channel.definition.strip():
+                            raise InputError('no definition of its type', value=channel.type)
+                        reader = readers.get(id_) or ChannelReader(channel)
+                        readers[id_] = reader
                         yield from reader.series(block, np.flatnonzero(block.channel == id_))
                     except InputError as error:  # of a message, which does not know its topic
                         raise InputError(
-                            error.message, file=str(file), key=channel.topic, value=error.value
+                            error.message,
+                            file=str(file),
+                            key=channel.topic,
+                            value=error.value,
+                            expected=error.expected,
                         ) from None
             if contents.damage:
                 self._damage = f'{file.name}: {contents.damage}'
@@ -266,13 +274,26 @@ class _Reader:
 
 
 def _parts(path: Path) -> list[Path]:
-    """The MCAP files. Raises InputError."""
-    if path.is_dir() and not any(path.glob('*.mcap')) and any(path.glob('*.db3')):
-        raise InputError(
-            'a recording in SQLite', file=str(path), expected='MCAP: `ros2 bag convert` makes it'
-        )
-    if path.suffix == '.db3':
-        raise InputError(
-            'a recording in SQLite', file=str(path), expected='MCAP: `ros2 bag convert` makes it'
-        )
-    return log.parts(path)
+    """The MCAP files. Raises InputError, also if one of them is of another recording."""
+    names = [each.name for each in (path.glob('*') if path.is_dir() else [path])]
+    if not any(name.endswith('.mcap') for name in names):
+        if any(name.endswith(('.db3', f'.db3{_COMPRESSED}')) for name in names):
+            expected = 'MCAP: `ros2 bag convert` makes it'
+            raise InputError('a recording in SQLite', file=str(path), expected=expected)
+        if any(name.endswith(f'.mcap{_COMPRESSED}') for name in names):
+            expected = 'files that `zstd -d` made .mcap again'
+            raise InputError('a recording in compressed files', file=str(path), expected=expected)
+    files = log.parts(path)
+    try:
+        listed = {name.removesuffix(_COMPRESSED) for name in log.listed(path)}
+    except InputError:  # which `log.absent` says
+        return files
+    for file in files:
+        if listed and file.name not in listed:
+            raise InputError(
+                'a file that the metadata.yaml beside it does not list',
+                file=str(path),
+                value=file.name,
+                expected='each recording in a folder of its own',
+            )
+    return files
