@@ -113,6 +113,8 @@ def test_what_cannot_be_written_is_told_before_the_search(
         ('vary:', 'very:', 'study.yaml:2: very: unknown key'),
         ('main.stiffness', 'main.stifness', 'study.yaml:2: vary.main.stifness'),
         ('rail.position', 'rail.positon', 'study.yaml:3: minimise.crossing'),
+        (' {main.stiffness: [10, 100]}', '\n  main.stifness: [1, 2]', 'study.yaml:3: vary.main'),
+        (' value: 0.2', '\n  value: x', 'study.yaml:4: minimise.value'),
         ('[~, 2.0 + 0.5]', '[3, 2]', 'study.yaml:4: subject_to'),
         ('0.6', '-1', 'study.yaml:5: duration'),
         ('block.yaml', 'blocks.yaml', 'blocks.yaml'),

@@ -162,7 +162,10 @@ def test_a_function_of_the_user_that_raises_is_a_reason(workers, error, said):
             {'vary': {'couple.mass': uniform(1, 2)}},
             "vary: nothing of this name, got 'couple'",
         ),
-        ({'outputs': ['max(kne.force)']}, "outputs: name: no such quantity, got 'kne.force'"),
+        (
+            {'outputs': ['max(kne.force)']},
+            "outputs.max_kne.force: no such quantity, got 'kne.",
+        ),
         (
             {'outputs': ['peak(energy)']},
             "outputs: no such output, got 'peak'; did you mean 'mean'?",
@@ -252,6 +255,10 @@ def test_an_output_has_the_label_function(tmp_path):
         ('sampling: grid', 'sampling: lhs', ': members: how many?; expected a whole number'),
         ('duration: 0.1', 'outputs: [{at: 11, of: energy}]', ':6: outputs.energy_at: after the'),
         ('duration: 0.1', 'outputs: [{at: 0.1}]', ':6: outputs.of: not the name of a quantity'),
+        ('duration: 0.1', 'outputs:\n- energy\n- mx(energy)', ':8: outputs: no such output, got'),
+        ('duration: 0.1', 'outputs:\n- energy\n- max(enrgy)', ':8: outputs.max_enrgy: no such'),
+        ('duration: 0.1', 'outputs:\n  a: energy\n  b: {at: 11, of: energy}', ':8: outputs.b: '),
+        ('vary: {L:', 'vary:\n  m: [1]\n  L: {unifrm: [1, 2]}\n#', ':6: vary.L: no such dist'),
         ('{L:', '{initial.velocities.e:', ':4: vary.initial.velocities.e: no such part'),
         ('{L:', '{e.at.2:', ":4: vary.e.at.2: no such place in a list, got '2'; expected 0 to 1"),
     ],

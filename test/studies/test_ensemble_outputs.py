@@ -344,7 +344,7 @@ def test_instants_in_an_array():
         ),
         (
             {'x': 'max(norm(body_poses.crank))'},
-            'outputs: x: a pose has no norm: its components have other units',
+            'outputs.x: a pose has no norm: its components have other units',
         ),
         (
             {'x': {'at': [0.2], 'of': 'energy'}},

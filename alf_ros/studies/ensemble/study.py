@@ -102,11 +102,14 @@ class Study(SentScene):
     def variables(self) -> tuple[LabelledArray, ...]:
         """The arrays that the outputs make, in their order. Raises InputError."""
         run = Run([Simulation(self.scene, ledger=self.ledger).sample()])
-        found = tuple(
-            variable for output in self.outputs for variable in output.variables(run, self.times)
-        )
+        found: list[LabelledArray] = []
+        for output in self.outputs:
+            try:
+                found += output.variables(run, self.times)
+            except InputError as error:
+                raise error.about(f'outputs.{output.label}') from None
         self._check_names(found)
-        return found
+        return tuple(found)
 
     @property
     def indeterminate(self) -> tuple[str, ...]:

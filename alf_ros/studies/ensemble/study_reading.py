@@ -121,7 +121,7 @@ def _examined(study: Study) -> None:
     try:
         study.variables  # noqa: B018  an output that cannot be shows here, before any member runs
     except InputError as error:
-        if error.key == 'vary':
+        if (error.key or '').partition('.')[0] in ('vary', 'outputs'):
             raise
         raise InputError(str(error), key='outputs') from None
     first: InputError | None = None
@@ -164,19 +164,52 @@ def load_study(source: str | Path, **changes: Any) -> Study:
         if key != 'scene':
             given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
     given['scene'] = scene_of(fields['scene'], path.parent)
+    lines = lines_of(fields)
     if 'outputs' in given:
-        files = lambda: _functions(given['outputs'], path.parent)  # noqa: E731
-        given['outputs'] = within(fields['outputs'], lambda: read_outputs(files()))
+        given['outputs'] = _functions(given['outputs'], path.parent)
+        lines |= _output_lines(fields['outputs'], given['outputs'])
+        given['outputs'] = within(fields['outputs'], lambda: read_outputs(given['outputs']))
     changed = {key: value for key, value in changes.items() if value is not None}
     given.update(changed)
     try:
         return study_of(**given)
     except InputError as error:
-        key = (error.key or '').partition('.')[0]
-        if error.file is not None or key in changed:
+        key = error.key or ''
+        if error.file is not None or key.partition('.')[0] in changed:
             raise
-        line = fields[key].line if key in fields else None  # none for a key that is missing
-        raise InputError(str(error), file=str(path), line=line) from None
+        raise InputError(str(error), file=str(path), line=line_of(key, lines)) from None
+
+
+def lines_of(fields: Mapping[str, Entry]) -> dict[str, int | None]:
+    """The lines of the keys of a study and of the entries in them, as in 'vary.coupler.mass'."""
+    lines = {}
+    for key, entry in fields.items():
+        lines[key] = entry.line
+        if isinstance(entry.value, dict):
+            lines |= {f'{key}.{name}': inner.line for name, inner in entry.value.items()}
+    return lines
+
+
+def line_of(key: str, lines: Mapping[str, int | None]) -> int | None:
+    """The line of a key, or of the nearest key around it; None if it is missing."""
+    while key and key not in lines:
+        key = key.rpartition('.')[0]
+    return lines.get(key)
+
+
+def _output_lines(entry: Entry, data: Any) -> dict[str, int | None]:
+    """The line of each output, by its label. Each is read by itself here, so that its errors say
+    this line. Raises InputError."""
+    parts: list[tuple[Any, Entry]] = []
+    if isinstance(entry.value, dict):
+        parts = [({label: data[label]}, inner) for label, inner in entry.value.items()]
+    elif isinstance(entry.value, tuple):
+        parts = [([one], inner) for one, inner in zip(data, entry.value, strict=True)]
+    return {
+        f'outputs.{output.label}': inner.line
+        for part, inner in parts
+        for output in within(inner, lambda part=part: read_outputs(part))  # type: ignore[misc]
+    }
 
 
 def within(entry: Entry, made: Callable[[], Any]) -> Any:

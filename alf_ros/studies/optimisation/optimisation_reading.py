@@ -19,7 +19,13 @@ from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
-from alf_ros.studies.ensemble.study_reading import plain, scene_of, within
+from alf_ros.studies.ensemble.study_reading import (
+    line_of,
+    lines_of,
+    plain,
+    scene_of,
+    within,
+)
 from alf_ros.studies.optimisation.optimisation import Report, optimise
 from alf_ros.studies.optimisation.optimum import Optimum
 
@@ -74,7 +80,7 @@ def read_study(source: str | Path, **changes: Any) -> StudyFile:
 
 def _of_file(error: InputError, path: Path, fields: Mapping[str, Entry]) -> InputError:
     """An error with the line of its key, if it does not belong to another file."""
-    said = fields.get((error.key or '').partition('.')[0])
-    if error.file is None and said is not None:
-        return InputError(str(error), file=str(path), line=said.line)
+    line = line_of(error.key or '', lines_of(fields))
+    if error.file is None and line is not None:
+        return InputError(str(error), file=str(path), line=line)
     return error
