@@ -27,10 +27,11 @@ from alf_ros.kernel.implicit_stages import evaluate_again, evaluate_begin
 from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, by_address, expanded, inner
-from alf_ros.kernel.numba_ext.lane_numbers import everywhere
+from alf_ros.kernel.numba_ext.lane_numbers import everywhere, pick
+from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import Lanes
-from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.status import OK, UNFOLLOWED
 from alf_ros.kernel.step import scales_of
 from alf_ros.kernel.tangent_axes import accept_tangents, read_tangents
@@ -50,6 +51,9 @@ _PART = 1e-12  # of the residual that is left before it is computed anew
 _CONVERGED, _TINY = 1e-14, 1e-17
 _ROUNDED = 30.0  # times that: what rounding may leave of it, where it was less in the search
 _ROUNDING, _NOISE = 1e-9, 1e-11  # what may be rounding, where it becomes no less
+_CLOSE = 0.1  # residual of a first guess, of δk, from which a search is accurate to rounding
+_UNSEEN = 0.2  # times what is left: a residual behind a pass that is not made
+_ABOVE = 1e3  # times what is left: residuals that show what passes leave of them
 
 
 def _follow(
@@ -99,6 +103,7 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
         drive_tangents(tangents, t, k)
     differentiate(tangents, own, tangents.behind, t, FINISH)
     _store_rates(tangents, tangents.qd, ZERO)
+    zero(tangents.kept)
     gamma = 0.0
     for s in range(ONE, stages):
         gamma = h * method.a[s * stages + s]
@@ -109,8 +114,9 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
             return result
         _add_up(tangents, s, h)
         begin_stage(tangents, own, tangents.behind)
+        kept = _kept(tangents) if s > ONE else 0.0
         for k in range(tangents.groups):
-            if not _solve(tangents, k, ts, gamma, LEAVE if x == np.inf else FINISH):
+            if not _solve(tangents, k, ts, gamma, kept, LEAVE if x == np.inf else FINISH):
                 return UNFOLLOWED
             _move(tangents, k, ts, gamma, group_of(tangents, tangents.qdd, k))
         _store_rates(tangents, tangents.qd, s)
@@ -196,15 +202,26 @@ def _pass(
 
 
 @inner
+def _kept(tangents: Tangents) -> float:
+    """The largest part of a residual that a pass of this step left; 0 if none was seen."""
+    kept = 0.0
+    for m in range(lanes_of(tangents.kept)):
+        kept = max(kept, lane(tangents.kept, ZERO, m))
+    return kept
+
+
+@inner
 def _solve(
-    tangents: Tangents, k: np.uint64, t: float, gamma: float, slow_modes: np.uint64
+    tangents: Tangents, k: np.uint64, t: float, gamma: float, kept: float, slow_modes: np.uint64
 ) -> bool:
     """δk of group k in the stage in the workspace of the tangents, from a guess; whether it is
     found.
 
     The passes are linear in δk. Where M̂ lacks much of what δQ and the rows have, as under a large
     tension, they would diverge: so each one is a product in a Krylov method, with generalised
-    conjugate residuals.
+    conjugate residuals. Rounding leaves a part ε of each residual in the search: from a guess that
+    was close, its result needs no pass of its own. `kept`: of the earlier stages, as of `_kept`,
+    or 0. If that part of a residual is rounding, a pass would be the last one, and is not made.
     """
     n, first = tangents.problem.work.p.size, k * tangents.Q.size
     found, x = group_of(tangents, tangents.qdd, k), group_of(tangents, tangents.whole_qdd, k)
@@ -226,15 +243,32 @@ def _solve(
             rounded = rounded | (left <= _ROUNDED * enough)
         if everywhere((left <= enough) | rounded):
             return True
-        before = left
-        enough = enough + _PART * left
+        before, last = left, left
+        close, ended = count == 0 and everywhere(left <= _CLOSE * largest), False
+        sought = enough if close else enough + _PART * left
+        least = _ROUNDED * enough
         for j in range(MOST):
+            if close and kept > 0.0:
+                ended = everywhere(kept * left <= _UNSEEN * enough)
+            if ended:
+                break
             for a in each(0, n):
                 trial[a] = x[a] + r[a]
             _pass(tangents, k, t, gamma, trial, slow_modes)
+            passed = none
             for a in each(0, n):
+                passed = max(passed, abs(found[a] - trial[a]))
                 trial[a] += r[a] - found[a]  # what r is mapped to
+            seen = left > _ABOVE * least
+            part = pick(seen, passed / pick(seen, left, 1.0), 0.0)
+            tangents.kept[ZERO] = max(tangents.kept[ZERO], part)
+            last = left
             left = step_along(tangents.search, n, j, x, r, trial)
-            if everywhere(left <= enough):
+            ended = everywhere((left <= sought) | ((left <= least) & (left > 0.1 * last)))
+            if ended:
                 break
+        if ended and close:
+            for a in each(0, n):
+                found[a] = x[a] + r[a]
+            return True
     return False

@@ -195,6 +195,7 @@ def tangents_of(
         **dict.fromkeys(_OF_GROUPS, groups * whole),
         'f': whole,
         'search': 2 * DIRECTIONS * whole if groups and problem.method.guess.size else 0,
+        'kept': 1,
     }
     T = rows.term.reshape(-1, D, D)
     even = (T == T[:, :1, :1] * np.eye(D)).all(axis=(1, 2))

@@ -94,6 +94,7 @@ class Tangents(Struct):
     term_qd: Floats  # (terms D,) Tᵀ q̇ of the block of its entry
     term_qdd: Floats  # (terms D,) Tᵀ q̈
     search: Lanes  # (2, DIRECTIONS, all blocks D) of δk and to what they are mapped, if implicit
+    kept: Lanes  # (1,) of a residual of δk, the most that a pass of the step left
     part: Floats  # (stages,) s, weights of the earlier stages that count, and
     of: Integers  # (stages,) which these are
     f: Lanes  # (all blocks D,) right-hand side of a solve
