@@ -78,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     folder = paths.named(options.store or f'{name}.zarr', '--store')
     _report(folder, options.report)
     with parser.naming(), _Lines(folder) as lines:
-        conduct(study, folder, crew(options.workers, options.scheduler, lines.say), lines)
+        conduct(study, folder, crew(study, options.workers, options.scheduler, lines.say), lines)
     assert lines.last is not None
     lines.tell()
     report = _report(folder, options.report)  # of the file that is there now

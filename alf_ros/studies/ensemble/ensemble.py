@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 _LOG = logging.getLogger(__name__)
+_BEGIN = 1.0  # s of work, which this process does sooner than worker processes begin
 Watching = Callable[['Progress'], None]
 
 
@@ -79,9 +80,10 @@ def ensemble(
     `outputs`: the kept values, see `alf_ros.studies.ensemble.kept_outputs`. Each member runs for
     `duration` (s) and is looked at every `period` (s; about a hundredth of it) and at the end.
     `store`: a folder in which finished chunks of `chunk` members survive whatever happens; the
-    same call continues there. `workers`: processes of this machine (as many as it has processors;
-    0: none, this one). `scheduler`: the address of a Dask cluster to use instead. `watching` is
-    called after each chunk.
+    same call continues there. `workers`: processes of this machine (0: none, this one; if not
+    given, as many as it has processors, or none for what takes no longer than they to begin).
+    `scheduler`: the address of a Dask cluster to use instead. `watching` is called after each
+    chunk.
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is
     empty unless a member failed; its attribute `trouble` says if fixed steps of member 0 are too
@@ -104,7 +106,7 @@ def ensemble(
         period=period,
         chunk=chunk,
     )
-    arrays = conduct(study, store, crew(workers, scheduler), watching)
+    arrays = conduct(study, store, crew(study, workers, scheduler), watching)
     if store is not None:
         import xarray
 
@@ -115,15 +117,20 @@ def ensemble(
 
 
 def crew(
-    workers: int | None, scheduler: str | None, tell: Callable[[str], None] = _LOG.warning
+    study: Study,
+    workers: int | None,
+    scheduler: str | None,
+    tell: Callable[[str], None] = _LOG.warning,
 ) -> Crew:
-    """The crew that runs the chunks; `tell` hears that a cluster has no workers. Raises InputError
-    if both are given, or none answers."""
+    """The crew that runs the chunks of a study; `tell` hears that a cluster has no workers. Raises
+    InputError if both are given, or none answers."""
     if scheduler is not None:
         if workers is not None:
             raise InputError('a cluster has its own', key='workers', value=workers)
         return Cluster(check.text(scheduler, 'scheduler'), tell)
     count = len(os.sched_getaffinity(0)) if workers is None else check.whole(workers, 'workers', 0)
+    if workers is None and study.members * study.cost <= _BEGIN:
+        count = 0
     return Processes(count) if count else ThisProcess()
 
 

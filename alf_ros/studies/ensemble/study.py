@@ -35,7 +35,8 @@ class Study(SentScene):
     """All that the members depend on, and that a worker needs.
 
     `duration` and `period` (s): how long a member runs, and how often it is looked at.
-    `chunk`: how many members are one piece of work. Made by `made`.
+    `chunk`: how many members are one piece of work. `cost`: about how long a member takes, s;
+    infinite if nobody knows. Made by `study_of`.
     """
 
     vary: tuple[tuple[str, Varied], ...]
@@ -46,6 +47,7 @@ class Study(SentScene):
     period: float
     outputs: tuple[KeptOutput, ...]
     chunk: int
+    cost: float
 
     @cached_property
     def samples(self) -> Sampling:

@@ -90,10 +90,13 @@ def study_of(
         period=period,
         outputs=found,
         chunk=1,
+        cost=math.inf,
     )
     _examined(study)
     if chunk is None:
-        return replace(study, chunk=_chunk(study))
+        cost = _cost(study)
+        runs = not any(output.kind == 'function' for output in found)
+        return replace(study, chunk=_chunk(study, cost), cost=cost if runs else math.inf)
     # a larger chunk has room on the disk for members that the study does not have
     return replace(study, chunk=min(check.whole(chunk, 'chunk', 1), study.members))
 
@@ -135,9 +138,9 @@ def _examined(study: Study) -> None:
     raise first
 
 
-def _chunk(study: Study) -> int:
-    """How many members are about two seconds of work: a power of 2 that depends on the study
-    alone, not on what a machine measures, so that every machine writes the same chunks."""
+def _cost(study: Study) -> float:
+    """About how long a member takes, s, without functions of the user. It depends on the study
+    alone, not on what a machine measures."""
     simulation = Simulation(study.scene, watch=study.watch, ledger=study.ledger)
     steps = check.steps_of(study.duration, simulation.h, 0)
     tried, stages = min(steps, _TRIED), simulation.evaluations
@@ -146,7 +149,11 @@ def _chunk(study: Study) -> int:
     except StepError:
         tried = max(1, simulation.step_index)
     each = (simulation.evaluations - stages) / tried * (_STAGE + _BLOCK * simulation.model.n)
-    cost = _MEMBER + _SAMPLE * len(study.instants[0]) + steps * each
+    return _MEMBER + _SAMPLE * len(study.instants[0]) + steps * each
+
+
+def _chunk(study: Study, cost: float) -> int:
+    """How many members are about two seconds of work: a power of 2, the same on every machine."""
     wanted = min(_WORK / cost, study.members / _LEAST_CHUNKS, _MOST_CHUNK)
     return 1 << max(0, math.ceil(math.log2(max(wanted, 1.0))))
 
