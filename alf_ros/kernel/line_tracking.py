@@ -6,6 +6,10 @@ correction is a small part of the step, and the first correction is nearly all o
 position where branches cross, each of the two branches is then far from the place extrapolated on
 the other one, and a step does not end so close to the position that they are about the same.
 
+Where two branches nearly cross, both tests may hold for a jump from one to the other. So a step
+over which the determinant of Φ_q changes its sign is shortened, see `branch_change`: a branch that
+passes the other one is followed around the bend. Steps of `_PASSED` hold: there branches cross.
+
 If the wanted values themselves are so close to the position, the branch is followed over it, and
 the posture is interpolated from four places, two on either side; see `_straddle`.
 """
@@ -15,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.kernel.branch_change import begin_mode, is_left
 from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.numba_ext.jit import inner
@@ -36,10 +41,13 @@ _TINY = 1e-11  # of the size: a correction that does not count
 _PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
 _FINE, _FINEST = 1e-5, 1e-12  # of the first step: any convergence is good; at least
 _STRETCHED = 1.2  # a step, at most, to end with the line
+_STALE = 0.1  # of the last step: a step that is so much shorter does without its derivatives
 _SHORTER, _LONGER = 0.4, 1.7  # the next step; powers of these do not meet a place again
 _OVER = 0.4  # of a step, how far it goes beyond the wanted values
 _CLOSER, _LEVELS = 0.17, 3  # places of `_straddle`, in the next of so many levels
 _AGAIN, _TRIES = 0.77, 8  # the same, if one of them is too close to the position; in all
+_PASSED = 1e-5  # rad, or of the size: branches that pass each other closer than that cross
+_WIDE = 5e-4  # rad, or of the size: for `_straddle`, where they do cross
 _CLOSE = 1e-3  # of the size: places so close tell the posture as well as Newton's method
 _SKIPS = 4  # of steps of a line: those that do not end where they would be too close to it
 _PLACES = (-2.0, -1.0, 1.0, 2.0)
@@ -283,14 +291,17 @@ def go_along(closing: Closing, hasty: bool) -> float:
     work = closing.work
     copy(closing.q, closing.before)
     copy(closing.turns, closing.turned)
-    steps = 1.0
+    steps, reach = 1.0, 0.0
     for k in range(closing.wanted.size):
-        longest = _TURN if closing.is_angle[k] != 0 else _MOVE * closing.tight.size
-        steps = max(steps, abs(closing.wanted[k] - closing.asked[k]) / longest)
+        angle, move = closing.is_angle[k] != 0, abs(closing.wanted[k] - closing.asked[k])
+        steps = max(steps, move / (_TURN if angle else _MOVE * closing.tight.size))
+        reach = max(reach, move if angle else move / closing.tight.size)
     s, h, last = 0.0, 1.0 / np.ceil(steps), 0.0
     widest, again, exactly, fine = h, True, False, 0
     known, skips = _carried(closing), 0
+    wider = _WIDE / reach if reach > 0.0 else 0.0
     closing.trail[2] = 0.0
+    begin_mode(closing, closing.before)
     while s < 1.0:
         strict = h > _FINE * widest
         fine += 0 if strict else 1
@@ -306,14 +317,21 @@ def go_along(closing: Closing, hasty: bool) -> float:
         begin_at(closing, work.q)
         by = known and strict
         good = _step(closing, s, h, by, exactly) if strict else _creep(closing, s, h)
-        if not good and by and s == 0.0 and to < 1.0:
+        if not good and by and to < 1.0 and (s == 0.0 or h < _STALE * last):
             by = False
             good = _step(closing, s, h, by, True)
+        wide = strict and h * reach > _PASSED
+        good = good and not (wide and is_left(closing))
         beside = good and strict and not is_regular(closing, closing.before, _error(closing, by))
-        if by and to == 1.0 and (beside or not good):
-            if _straddle(closing, s, h, last):
-                count(closing, closing.before, closing.turned)
-                return 1.0
+        if by and to == 1.0 and wide:
+            good = good and not beside
+        elif by and to == 1.0 and (beside or not good):
+            width = max(h, wider)
+            while width >= h:
+                if _straddle(closing, s, width, last):
+                    count(closing, closing.before, closing.turned)
+                    return 1.0
+                width *= _SHORTER
             if beside and skips == _SKIPS:
                 good = _step(closing, s, h, s > 0.0, True)
                 by = s > 0.0
@@ -323,6 +341,7 @@ def go_along(closing: Closing, hasty: bool) -> float:
             count(closing, closing.before, closing.turned)
             _learn_line(closing, h, last, by)
             copy(work.q, closing.before)
+            begin_mode(closing, work.q)
             s, last, known = to, h, True
             h = min((_LONGER if strict else 2.0) * h, widest) if again else h
         else:
@@ -355,8 +374,13 @@ def leads_past(closing: Closing) -> bool:
     longest = _PIECE * way / speed
     s, last, h = 1.0, 0.0, longest if along > 0.0 else -longest
     for _ in range(_PATIENCE):
-        if _step(closing, s, h, True, True):
-            _learn_line(closing, h, last, True)
+        known = True
+        good = _step(closing, s, h, True, True)
+        if not good and abs(h) < _STALE * abs(last):
+            known = False
+            good = _step(closing, s, h, False, True)
+        if good:
+            _learn_line(closing, h, last, known)
             copy(work.q, closing.before)
             s, last = s + h, h
             if furthest(closing.before, closing.line, n) >= way:

@@ -26,6 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.branch_change import begin_mode, is_left
 from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound, leads_past
@@ -43,7 +44,9 @@ from alf_ros.kernel.posture_newton import (
 
 _BELIEVED = 0.5  # of the extrapolated way, the correction
 _NEAR = 0.1  # the same, for two calls, of a motion that needs no other candidate
+_STEADY = 0.3  # of a change of a singular value in a call, the change in the call before
 _SAME = 1e-9  # of the size: candidates that are the same
+_GAP = 1e-3  # of the line, before which the loops end
 _AWAY = -5.0  # logarithm of the part of the largest σ so far, from which on a posture is held
 _AGREE = 1e-6  # rad or size: an active coordinate and its value, turns counted
 
@@ -184,6 +187,7 @@ def _hold(closing: Closing, last: bool) -> None:
         closing.counts[3] = 0
     sharp = sharpness(closing)
     closing.trail[1] = max(closing.trail[1], sharp)
+    closing.trail[4], closing.trail[3] = closing.trail[3], sharp
     if sharp >= closing.trail[1] + _AWAY:
         copy(closing.q, closing.held)
         copy(closing.turns, closing.held_turns)
@@ -269,6 +273,25 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
 
 
 @inner
+def _may_pass(closing: Closing, sharp: float) -> bool:
+    """Whether the least singular value may have vanished on the way to a posture: it would have
+    gone on as in the two calls before. sharp: its logarithm, as of `sharpness`."""
+    before = np.exp(closing.trail[3] - sharp)
+    fallen = np.exp(closing.trail[4] - sharp) - before
+    return not fallen < _STEADY * (1.0 + before)
+
+
+@inner
+def _jumps(closing: Closing) -> bool:
+    """Whether the posture in `work` is on another branch than the last one."""
+    copy(closing.work.q, closing.other)
+    begin_mode(closing, closing.q)
+    copy(closing.other, closing.work.q)
+    closing.counts[3] = 0  # the factor is of another place
+    return is_left(closing)
+
+
+@inner
 def _close_exact(closing: Closing, ratio: float) -> float:
     """The posture from values without noise; returns how far the line came."""
     work, n, size = closing.work, closing.ahead.size, closing.tight.size
@@ -279,7 +302,8 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     error = max(off, closing.trail[0])
     closing.trail[0] = off
     good = near and closing.counts[0] > 2 and is_sound(closing, closing.ahead)
-    if good and is_regular(closing, closing.place, error):
+    good = good and is_regular(closing, closing.place, error)
+    if good and not (_may_pass(closing, sharpness(closing)) and _jumps(closing)):
         _take_ahead(closing, work.q, closing.turned, ratio, near)
         _hold(closing, True)
         return 1.0
@@ -290,6 +314,9 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     if closing.counts[2] == BEYOND:
         _back_to_held(closing)
     reached = go_along(closing, ahead)
+    if ahead and reached < 1.0 - _GAP and closing.active.size == 1:
+        reached = go_along(closing, False)
+        ahead = reached >= 1.0 - _GAP  # else behind a gap: one freedom has no way round
     same = ahead and furthest(work.q, closing.other, n) <= _SAME * size
     crossing = closing.trail[2] > 0.0
     beside = furthest(work.q, closing.ahead, n) if ahead else np.inf

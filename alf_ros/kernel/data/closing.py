@@ -52,8 +52,10 @@ class Closing(Struct):
     line: Floats  # (all blocks D,) the candidate on the line
     line_turns: Integers  # (angles,) of it
     stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed
-    trail: Floats  # (3,) m: correction of the last call; largest sharpness so far; 1 if the line
-    # ends beside a position where branches cross, or 0
+    mode: Floats  # (all blocks D,) the softest mode of Φ_q where a step began
+    image: Floats  # (rows,) its unit image
+    trail: Floats  # (5,) m: correction of the last call; largest sharpness so far; 1 if the line
+    # ends beside a position where branches cross, or 0; sharpness of the last call, and before
     held: Floats  # (all blocks D,) the last posture away from dead points
     held_turns: Integers  # (angles,) of it
     held_at: Floats  # (active,) values where it is, rad or m

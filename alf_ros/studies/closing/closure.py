@@ -37,7 +37,7 @@ _LONG = 4.0  # of the size: longest travel of a length that is looked for
 _FAR = 100.0  # of the size: how far from its posture a mechanism is followed
 _STEPS, _FEWEST = 256, 16  # places at which joints are compared with stops, in a turn and at least
 _SHORT = 1e-9  # of the way to a dead point, before which they are compared last
-_UNTRIED = (math.inf, -math.inf, 0.0)  # nothing is known of the motion so far
+_UNTRIED = (math.inf, -math.inf, 0.0, math.inf, math.inf)  # nothing is known of the motion so far
 _NOTHING = 1e-30  # of a penalty: the row binds nothing
 _MOST_RATIO = 10.0  # of two times between calls, up to which the motion is believed
 
@@ -321,9 +321,10 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
     count, whole, angles = len(of.active), model.q.size, model.system.angles.c.size // 2
     sizes = {
         'known': 3,
-        'trail': 3,
+        'trail': 5,
+        'image': len(rows.alpha),
         **dict.fromkeys(('wanted', 'asked', 'here', 'stride', 'held_at'), count),
-        **dict.fromkeys(('q', 'other', 'before', 'line', 'held'), whole),
+        **dict.fromkeys(('q', 'other', 'before', 'line', 'held', 'mode'), whole),
         **dict.fromkeys(('place', 'rate', 'bend', 'ahead', 'way', 'shift'), model.n),
         **dict.fromkeys(('slope', 'bow', 'guess'), model.n),
         'places': 8 * model.n,

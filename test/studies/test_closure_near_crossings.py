@@ -1,0 +1,83 @@
+"""Closures of four-bars whose branches nearly cross, against triangles: never on the other one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from alf_ros import Closure
+from alf_ros.arrays import Floats
+
+START = 0.9  # rad
+
+
+def b_of(coupler: float, angle: float) -> Floats:
+    """The place of B, left of the line from A to C: crank and rocker 1 m, ground 2 m."""
+    a = np.array([math.cos(angle), math.sin(angle)])
+    x, y = np.array([2.0, 0.0]) - a
+    across = math.hypot(x, y)
+    half = math.acos((coupler**2 + across**2 - 1.0) / (2.0 * coupler * across))
+    turned = math.atan2(y, x) + half
+    return np.asarray(a + coupler * np.array([math.cos(turned), math.sin(turned)]))
+
+
+def closure_of(coupler: float) -> Closure:
+    rod = {'mass': 1, 'inertia': 'rod'}
+    return Closure(
+        {
+            'alf': 1,
+            'points': {
+                'O': {'at': [0, 0], 'fixed': True},
+                'C': {'at': [2, 0], 'fixed': True},
+                'A': {'at': [math.cos(START), math.sin(START)]},
+                'B': {'at': b_of(coupler, START).tolist()},
+            },
+            'bodies': {
+                'crank': {**rod, 'points': ['O', 'A']},
+                'coupler': {**rod, 'points': ['A', 'B']},
+                'rocker': {**rod, 'points': ['C', 'B']},
+            },
+            'joints': {
+                'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+                'knee': {'type': 'revolute', 'between': ['crank', 'coupler'], 'at': 'A'},
+                'wrist': {'type': 'revolute', 'between': ['coupler', 'rocker'], 'at': 'B'},
+                'hip': {'type': 'revolute', 'between': ['ground', 'rocker'], 'at': 'C'},
+            },
+        },
+        ['pin'],
+    )
+
+
+@pytest.mark.parametrize('short', [1e-2, 1e-3, 1e-4, 1e-6, 1e-8])
+def test_branches_that_nearly_cross_are_not_confused(short: float) -> None:
+    """The branches pass each other at about √short rad, far less than a call moves the crank."""
+    closure, random = closure_of(2.0 - short), np.random.default_rng(5)
+    for n in range(40):
+        closure.restart()
+        spacing = random.uniform(0.02, 0.3)
+        angles = np.arange(START, -2.0, -spacing)
+        if n % 3 == 0:  # calls that are much closer together for once
+            near = math.sqrt(short) * np.array([0.5, 0.0, -0.3])
+            angles = np.concatenate([angles[angles > 0.01], near, angles[angles < -0.01]])
+        for angle in angles.tolist():
+            posture = closure.close({'pin': angle})
+            off = np.abs(posture.points['B'] - b_of(2.0 - short, angle)).max()
+            assert off < (1e-8 if abs(angle) < 1e-3 else 1e-11), (spacing, angle, off)
+            assert posture.missed_by < 1e-12
+
+
+@pytest.mark.parametrize('long', [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize('spacing', [0.03, 0.1, 0.25])
+def test_a_gap_is_not_jumped(long: float, spacing: float) -> None:
+    """Coupler and rocker do not reach over a small range of the crank, which ends before it."""
+    closure = closure_of(2.0 + long)
+    across = 1.0 + long  # of A and C, where coupler and rocker lie on one line
+    end = math.acos((5.0 - across**2) / 4.0)
+    for angle in np.arange(START, -0.5, -spacing).tolist():
+        posture = closure.close({'pin': angle})
+        if angle > end:
+            assert posture.missed_by < 1e-12
+    assert posture.joints['pin'] == pytest.approx(end, abs=1e-6)
+    assert posture.missed_by == pytest.approx(end - angle, abs=1e-6)
