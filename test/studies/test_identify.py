@@ -126,7 +126,8 @@ def test_recorded_angles_wrap_or_count_turns(
     t = t[(t < 1.0) | (t > 1.0 + gap)]
     turned = begin + (2.0 if gap else 1.0) * t
     angle = first + (turned - first) % (2.0 * np.pi) if first > -20.0 else turned
-    assert posture_track._wraps(MeasuredChannel('pin', 'position', t, angle)) == jumps
+    times, values = np.asarray(t, np.float64), np.asarray(angle, np.float64)
+    assert posture_track._wraps(MeasuredChannel('pin', 'position', times, values)) == jumps
 
 
 def test_runs_that_are_not_resolved_are_told() -> None:

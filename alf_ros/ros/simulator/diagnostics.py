@@ -32,8 +32,8 @@ CONSTRAINTS = (
     'singular',
     'distance_to_singular',
 )
-# Part of the ticks that may come late: on a busy desktop some always do.
 _ENERGY = ('energy_j', 'initial_energy_j', 'change_j')
+# Part of the ticks that may come late: on a busy desktop some always do.
 MOST_LATE = 0.05
 MOST_LOST = 0.01  # of the energies of a motion, that steps lose or gain
 _SLOW = 1e-3  # 1/s, sizes of the mechanism a second
