@@ -108,7 +108,7 @@ class Parameters:
         contract.not_negative(self, 'stiffness', 'radius', 'damping', 'friction')
         contract.positive(self, 'slip')
         if self.exponent < 1.0:
-            raise ValueError(f'exponent must be 1 at least, it is {self.exponent:g}')
+            raise ValueError('exponent must be 1 at least')
         for name in ('normal', 'axle'):
             if getattr(self, name) and not any(getattr(self, name)):
                 raise ValueError(f'{name} has no direction')

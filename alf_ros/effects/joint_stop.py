@@ -42,7 +42,7 @@ class Parameters:
     def __post_init__(self) -> None:
         contract.not_negative(self, 'stiffness', 'damping')
         if self.exponent < 1.0:
-            raise ValueError(f'exponent must be 1 at least, it is {self.exponent:g}')
+            raise ValueError('exponent must be 1 at least')
         if self.lower is None and self.upper is None:
             raise ValueError('give a lower or an upper stop, or both')
         if None not in (self.lower, self.upper) and not self.lower < self.upper:  # type: ignore[operator]

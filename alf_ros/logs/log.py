@@ -31,6 +31,7 @@ from alf_ros.scene.scene import Scene, effect_names, scene_from_text
 from alf_ros.scene.text import yaml_document
 
 _PART = re.compile(r'(.*?)(?:_(\d+))?\.mcap')
+RECORD = 'alf_ros'  # name of its metadata
 _BAG, _LISTED = 'rosbag2_bagfile_information', 'relative_file_paths'  # in a metadata.yaml
 _INPUTS = '~/inputs'
 
@@ -84,14 +85,12 @@ class Log:
         self.path = paths.named(path)
         self.files = parts(self.path)
         self._size = sum(file.stat().st_size for file in self.files)
-        contents = Contents()
-        for _ in mcap_chunks.blocks(self.files[0], contents):
-            break
-        if 'alf_ros' not in contents.metadata:
+        contents = mcap_chunks.described(self.files[0], RECORD)
+        if RECORD not in contents.metadata:
             raise InputError(
                 'not a log of this simulator', file=str(self.path), expected='a record alf_ros'
             )
-        self.record = contents.metadata['alf_ros']
+        self.record = contents.metadata[RECORD]
         self.info: dict[str, Any] = record.read(self.record, str(self.path))
         self.scene_text = self.record['scene_text']
 

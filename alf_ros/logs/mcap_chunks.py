@@ -10,6 +10,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -125,6 +126,29 @@ def blocks(path: Path, contents: Contents, begin: int = 0) -> Iterator[Block]:
                 contents.passed_over = contents.passed_over or told
 
 
+def described(path: Path, name: str) -> Contents:
+    """The head of a file up to its messages, and the metadata of this name also behind them, where
+    other programs that write a log again may put it. Messages there are passed over.
+
+    Raises InputError if it is no MCAP file at all.
+    """
+    contents = Contents()
+    for _ in blocks(path, contents):
+        break
+    if name in contents.metadata:
+        return contents
+    with _opened(path) as stream, suppress(_Damaged, OSError):
+        size, code = os.fstat(stream.fileno()).st_size, 0
+        stream.seek(len(MAGIC))
+        while code != DATA_END and name not in contents.metadata:
+            code, length = _header(stream, size - stream.tell())
+            if code == METADATA:
+                _note(code, stream.read(length), contents, {})
+            else:
+                stream.seek(length, os.SEEK_CUR)
+    return contents
+
+
 class _Damaged(Exception):
     """An unreadable part: a record, or the remainder if the file `ends` with it."""
 
@@ -149,7 +173,8 @@ def _record(stream: BinaryIO, left: int) -> tuple[int, bytes]:
         raise _Damaged(f'{error.strerror}', ends=True) from None
 
 
-def _read(stream: BinaryIO, left: int) -> tuple[int, bytes]:
+def _header(stream: BinaryIO, left: int) -> tuple[int, int]:
+    """The code of the record that begins here, and its length (bytes)."""
     head = stream.read(9)
     if len(head) < 9:
         raise _Damaged('cut off', ends=True)
@@ -158,6 +183,11 @@ def _read(stream: BinaryIO, left: int) -> tuple[int, bytes]:
         raise _Damaged('broken', ends=True)
     if length > left - len(head):  # memory is reserved only for existing data
         raise _Damaged('cut off', ends=True)
+    return code, length
+
+
+def _read(stream: BinaryIO, left: int) -> tuple[int, bytes]:
+    code, length = _header(stream, left)
     content = stream.read(length)
     if len(content) < length:
         raise _Damaged('cut off', ends=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -73,7 +74,15 @@ class Dynamics(Kinematics):
         model, qd = self.model, self._state.qd
         momenta = np.zeros(model.n)
         kernel.add_mass_times(model.unit, model.system.mass, 1.0, qd, momenta)
-        return 0.5 * float(momenta @ qd[: model.n])
+        with np.errstate(over='ignore', invalid='ignore'):
+            return self._within_numbers(0.5 * float(momenta @ qd[: model.n]))
+
+    def _within_numbers(self, energy: float) -> float:
+        """The energy (J) or power (W). Raises StepError if it is not finite: the square of a speed
+        may be too large."""
+        if math.isfinite(energy):
+            return energy
+        raise StepError('energies exceed the range of numbers', 'take smaller forces', self.t)
 
     def _act(self, part: Part, q: Floats, qd: Floats, Q: Floats) -> None:
         """Q of a part of the effects, friction with the present loads."""

@@ -73,7 +73,7 @@ def numbers(
         if fit and count in (None, len(listed)):
             return tuple(map(float, listed))
     wanted = 'a list of finite numbers' if count is None else f'{count} finite numbers'
-    raise InputError(f'not a {key}', key=key, value=value, expected=wanted)
+    raise InputError('not usable', key=key, value=value, expected=wanted)
 
 
 def steps_of(duration: Any, h: float, before: int) -> int:

@@ -154,13 +154,15 @@ class Sample(Dynamics):
         """Total mechanical energy, J: kinetic, and the potential of the effects that have one."""
         effects = self._applied.assembled.effects
         stored = kernel.potential_energy(effects, self.t, self._state.q, self._near)
-        return self.kinetic_energy + stored
+        return self._within_numbers(self.kinetic_energy + stored)
 
     @kept
     def stored(self) -> Mapping[str, float]:
         """Potential energy of each effect of the scene, J; 0 for what stores none."""
         return {
-            label: kernel.potential_energy(part.effects, self.t, self._state.q, self._near)
+            label: self._within_numbers(
+                kernel.potential_energy(part.effects, self.t, self._state.q, self._near)
+            )
             for label, part in self._applied.each.items()
         }
 
@@ -176,6 +178,8 @@ class Sample(Dynamics):
             raise InputError(
                 'no ledger is kept', key='works', expected='Simulation(…, ledger=True)'
             )
+        for work in self._state.works.values():
+            self._within_numbers(work)
         return self._state.works
 
     @kept
@@ -185,7 +189,10 @@ class Sample(Dynamics):
         By kind, or `kind.name` where it has a name of its own.
         """
         qd = self._state.qd
-        return {label: float(Q @ qd) for label, Q in self.forces_by_effect()}
+        with np.errstate(over='ignore', invalid='ignore'):
+            return {
+                label: self._within_numbers(float(Q @ qd)) for label, Q in self.forces_by_effect()
+            }
 
     # -------------------------------------------------------------------------------------- joints
 

@@ -111,8 +111,8 @@ class SampleReader:
     def read(self, wanted: int) -> bool:
         """Read `wanted`, a `mask`; True if it did.
 
-        False leaves it to a sample: accelerations are limits, or there are none. Raises InputError
-        for readings without arrays.
+        False leaves it to a sample: accelerations are limits, or there are none, or an energy is
+        not finite. Raises InputError for readings without arrays.
         """
         if wanted & ~self._known:
             raise InputError('no arrays for these readings', key='wanted', value=wanted)
@@ -133,9 +133,14 @@ class SampleReader:
             wanted &= ~passes.DISTANCE
         if not kernel.read_out(problem, phase, held, out, t, wanted, ROUNDS, KNOWN):
             return False
+        if wanted & passes.WORKS and not np.isfinite(phase.works).all():
+            return False
         if wanted & passes.ENERGY and self._energy is not None:
-            kinetic = 0.5 * float(out.momenta @ phase.qd[: self._model.n])
+            with np.errstate(over='ignore', invalid='ignore'):
+                kinetic = 0.5 * float(out.momenta @ phase.qd[: self._model.n])
             self._energy[0] = kinetic + float(out.told[passes.POTENTIAL])
+            if not math.isfinite(self._energy[0]):
+                return False
         self.distance = self._distance() if near else math.inf
         return True
 

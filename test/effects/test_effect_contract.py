@@ -306,7 +306,7 @@ def test_what_cannot_be_is_refused(text: str, message: str) -> None:
 def test_a_number_that_cannot_be_has_its_line() -> None:
     text = f'{PLANAR}\neffects:\n  spring:\n    between: [B, W]\n    stiffness: -1\n'
     line = len(text.split('\n')) - 1
-    expected = f'{line}: effects.spring.stiffness: stiffness must not be negative'
+    expected = f"{line}: effects.spring.stiffness: stiffness must not be negative, got '-1'$"
     with pytest.raises(InputError, match=expected):
         scene_from_text(text)
 

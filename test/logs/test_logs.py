@@ -148,9 +148,11 @@ def test_pieces_are_the_whole_in_the_order_written(tmp_path):
         keep=lambda compression, chunking: chunking or compression == 'NONE',
     ),
 )
-def test_every_packing_reads_the_same(path, tmp_path, compression, chunking):
-    other = rewritten(path, tmp_path, CompressionType[compression], chunking)
+@pytest.mark.parametrize('behind', [False, True])
+def test_every_packing_reads_the_same(path, tmp_path, compression, chunking, behind):
+    other = rewritten(path, tmp_path, CompressionType[compression], chunking, behind=behind)
     check_series(load(other), read_by_others(path))
+    assert load(other).info == load(path).info
 
 
 def test_a_log_cut_anywhere_gives_its_whole_chunks(path, tmp_path):

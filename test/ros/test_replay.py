@@ -18,6 +18,7 @@ from std_srvs.srv import SetBool
 
 from alf_ros.__main__ import main
 from alf_ros.logs import load
+from alf_ros.ros.recording.recorder import Split
 from support.forked import started
 from support.log_files import make, read_by_others
 from support.paths import ROOT
@@ -179,3 +180,13 @@ def test_what_cannot_be_is_one_line(log, options, said, capsys):
     assert main(['replay', str(log.path), *options]) == 2
     error = capsys.readouterr().err
     assert said in error and len(error.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize('options', [[], ['--redrive']])
+def test_a_file_that_is_not_there_is_said(options, tmp_path, capsys):
+    """Before the topics, so also if the node cannot start."""
+    path, _ = make(tmp_path, 'slider_crank', 400, split=Split(duration=0.2))
+    sorted(path.parent.glob('*.mcap'))[-1].unlink()
+    assert main(['replay', str(path.parent), '--start', '7', *options]) == 2
+    said = 'the log is not whole: it is the run until t = 0.6 s (1 of its 4 files are not there)'
+    assert capsys.readouterr().err.splitlines()[0] == f'alf_ros replay: {said}'

@@ -127,10 +127,10 @@ def test_a_pose_of_few_digits_is_met_as_nearly_as_it_can_be() -> None:
         ('coupler', (1e9, 1e9, 0.0), None, 'coupler cannot be there'),
         ('crank', None, (0.1, 0.0, 1.0), 'crank cannot move like that: the given velocities'),
         ('crank', (0.0, 0.0, 0.3), (0.0, 0.5, 1.0), 'O (y given) is off by 0.5 m/s'),
-        ('crank', (0.0, 0.0), None, 'pose: not a pose'),
+        ('crank', (0.0, 0.0), None, 'pose: not usable'),
         ('crank', (0.0, 0.0, math.nan), None, 'expected 3 finite numbers'),
         ('crank', (1e200, 0.0, 0.0), None, 'expected 3 finite numbers'),
-        ('crank', None, (0.0,) * 6, 'twist: not a twist'),
+        ('crank', None, (0.0,) * 6, 'twist: not usable'),
         ('crnak', None, None, "did you mean 'crank'"),
     ],
 )

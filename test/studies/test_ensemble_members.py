@@ -256,6 +256,7 @@ def test_an_output_has_the_label_function(tmp_path):
         ('duration: 0.1', 'outputs: [{at: 11, of: energy}]', ':6: outputs.energy_at: after the'),
         ('duration: 0.1', 'outputs: [{at: 0.1}]', ':6: outputs.of: not the name of a quantity'),
         ('duration: 0.1', 'outputs:\n- energy\n- mx(energy)', ':8: outputs: no such output, got'),
+        ('duration: 0.1', "outputs:\n- energy\n- {function: 'no.py:f'}", ':8: function: '),
         ('duration: 0.1', 'outputs:\n- energy\n- max(enrgy)', ':8: outputs.max_enrgy: no such'),
         ('duration: 0.1', 'outputs:\n  a: energy\n  b: {at: 11, of: energy}', ':8: outputs.b: '),
         ('vary: {L:', 'vary:\n  m: [1]\n  L: {unifrm: [1, 2]}\n#', ':6: vary.L: no such dist'),

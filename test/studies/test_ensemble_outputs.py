@@ -305,6 +305,7 @@ def test_statistics_and_indices_of_a_law_that_is_known():
         ([{'pases': 3}], "outputs: unknown key, got 'pases'; did you mean 'passes'?"),
         ({'a': {'att': [0.1], 'of': 'energy'}}, "a: unknown key, got 'att'; did you mean 'at'?"),
         ([{'crossing': 'energy', 'direction': 'left'}], "direction: no direction, got 'left'"),
+        ([{'crossing': 'energy', 'direction': None}], 'direction: nothing given; known: both'),
         ([{'crossing': 'energy', 'valeu': 1}], "crossing: unknown key, got 'valeu'; did you mean"),
         ({'1st': 'energy'}, "outputs: not a label, got '1st'"),
         ([{'function': 'nowhere'}], "function: not a function, got 'nowhere'"),

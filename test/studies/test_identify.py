@@ -19,7 +19,8 @@ from alf_ros.arrays import Floats
 from alf_ros.commands.identify import main
 from alf_ros.errors import InputError
 from alf_ros.scene.overrides import number, with_changes
-from alf_ros.studies.identification import identification, window_runs
+from alf_ros.studies.identification import identification, posture_track, window_runs
+from alf_ros.studies.identification.recording import MeasuredChannel
 from support.gripper import GRIPPER
 from support.log_files import make
 from support.recordings import SLIDER_CRANK, Machine, changed, pushes, scene
@@ -91,6 +92,42 @@ def test_messages_missing_over_a_singular_position(begin: float) -> None:
     recording = recorded(true.t[kept], dict(zip(joints, true.x[kept].T, strict=True)))
     found = identify(scene(), recording, ['pin.viscous', 'rail.viscous'], window=1.0)
     assert np.allclose(found.values, [0.4, 0.25], rtol=1e-6)
+
+
+@pytest.mark.parametrize('joints', [('knee',), ('crank_pin', 'knee', 'guide')])
+def test_turns_that_a_gap_hides_are_counted(joints: tuple[str, ...]) -> None:
+    """The knee counts turns and turns by more than half a turn in the gap, by little more than a
+    turn in all: its way over the gap was taken for a jump, and the friction was far off."""
+    true = Machine(scene(pin__viscous=0.4, rail__viscous=0.25), joints, 1.6)
+    kept = (true.t < 0.65) | (true.t > 1.3)
+    assert np.ptp(true.x[kept, joints.index('knee')]) < 2.5 * np.pi
+    recording = recorded(true.t[kept], dict(zip(joints, true.x[kept].T, strict=True)))
+    found = identify(scene(), recording, ['pin.viscous', 'rail.viscous'], window=0.8)
+    assert np.allclose(found.values, [0.4, 0.25], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('first', 'begin', 'gap', 'jumps'),
+    [
+        (-np.pi, 0.2, 0.0, True),
+        (0.0, 0.2, 0.0, True),
+        (-3.5, 0.2, 0.0, True),
+        (-np.pi, 2.0, 2.5, True),
+        (0.0, 5.0, 2.5, True),
+        (-20.0, 2.0, 2.5, False),
+        (-20.0, 5.0, 3.5, False),
+    ],
+)
+def test_recorded_angles_wrap_or_count_turns(
+    first: float, begin: float, gap: float, jumps: bool
+) -> None:
+    """An angle that turns by 1 rad/s, in a range of a turn or counted, with a gap or without."""
+    t = np.linspace(0.0, 2.0 * np.pi - 0.5 * gap, 300)
+    t = t[(t < 1.0) | (t > 1.0 + gap)]
+    turned = begin + (2.0 if gap else 1.0) * t
+    angle = first + (turned - first) % (2.0 * np.pi) if first > -20.0 else turned
+    times, values = np.asarray(t, np.float64), np.asarray(angle, np.float64)
+    assert posture_track._wraps(MeasuredChannel('pin', 'position', times, values)) == jumps
 
 
 def test_runs_that_are_not_resolved_are_told() -> None:
@@ -342,6 +379,7 @@ GOOD = {'crank_pin': 0.785, 'guide': 1.414}
         (FIT, {'hold_out': 1.5}, 'hold_out: out of range'),
         (FIT, {'hold_out': 0.9, 'window': 1.0}, 'no windows to keep away, or none to fit'),
         (FIT, {'loss': 'hubber'}, "did you mean 'huber'?"),
+        (FIT, {'loss': None}, 'loss: nothing given; known: linear, huber'),
         (FIT, {'noise': {'crankpin': 1.0}}, "did you mean 'crank_pin'?"),
         (FIT, {'noise': {'crank_pin': 0.0}}, 'no standard deviation'),
         (FIT, {'bounds': {'crank.mass': (0, 1)}}, 'bounds: is not fitted'),

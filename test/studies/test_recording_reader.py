@@ -94,6 +94,17 @@ def test_a_log_of_this_package(tmp_path: Path) -> None:
     assert np.allclose(found.values, [1.2, 0.35], rtol=1e-9)
 
 
+def test_a_log_whose_metadata_stand_behind_its_messages(tmp_path: Path) -> None:
+    """It was read as a recording of a machine, without the inputs in its journal."""
+    path = own_log(tmp_path, scene())
+    again = rewritten(load(path).files[0], tmp_path, behind=True)
+    one, other = (read_recording(each, scene()) for each in (path, again))
+    acting = [[(each.t, each.entry) for each in of.inputs] for of in (one, other)]
+    assert acting[0] == acting[1] and one.begin == other.begin
+    for channel, same in zip(one.channels, other.channels, strict=True):
+        assert channel.t.tobytes() == same.t.tobytes()
+
+
 def test_a_log_with_a_changed_input_is_refused(tmp_path: Path) -> None:
     """The fit would take what did not act."""
     log = load(own_log(tmp_path, scene()))

@@ -62,17 +62,26 @@ def rewritten(
     record: Callable[[str, dict[str, str]], dict[str, str]] | None = None,
     name: str = 'rewritten_0.mcap',
     rename: Callable[[str], str | None] = str,
+    behind: bool = False,
 ) -> Path:
-    """The log written by another writer; `change(topic, data)` may change or drop (None) data,
-    `record(name, texts)` the texts of a Metadata record; `rename(topic)` another name, if any."""
+    """The log written by another writer, its metadata `behind` the messages if wanted.
+
+    `change(topic, data)` may change or drop (None) data, `record(name, texts)` the texts of a
+    Metadata record; `rename(topic)` another name, if any.
+    """
     target = folder / name
     with open(path, 'rb') as source, open(target, 'wb') as stream:
         reader = make_reader(source)
         writer = Writer(stream, compression=compression, use_chunking=chunking, chunk_size=50_000)
         writer.start('ros2', 'test')
-        for each in reader.iter_metadata():
-            texts = record(each.name, dict(each.metadata)) if record else each.metadata
-            writer.add_metadata(each.name, texts)
+
+        def describe() -> None:
+            for each in reader.iter_metadata():
+                texts = record(each.name, dict(each.metadata)) if record else each.metadata
+                writer.add_metadata(each.name, texts)
+
+        if not behind:
+            describe()
         channels = {}
         for schema, channel, message in reader.iter_messages(log_time_order=False):
             if channel.id not in channels:
@@ -88,6 +97,8 @@ def rewritten(
             if data is not None:
                 stamps = message.log_time, data, message.publish_time, message.sequence
                 writer.add_message(channels[channel.id], *stamps)
+        if behind:
+            describe()
         writer.finish()
     return target
 

@@ -225,7 +225,7 @@ def not_negative(parameters: Any, *names: str) -> None:
     for name in names:
         value = getattr(parameters, name)
         if value is not None and not value >= 0.0:
-            raise ValueError(f'{name} must not be negative, it is {value:g}')
+            raise ValueError(f'{name} must not be negative')
 
 
 def positive(parameters: Any, *names: str) -> None:
@@ -233,7 +233,7 @@ def positive(parameters: Any, *names: str) -> None:
     for name in names:
         value = getattr(parameters, name)
         if value is not None and not value > 0.0:
-            raise ValueError(f'{name} must be greater than zero, it is {value:g}')
+            raise ValueError(f'{name} must be greater than zero')
 
 
 def either(parameters: Any, *names: str) -> None:

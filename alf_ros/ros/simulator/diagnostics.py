@@ -32,6 +32,7 @@ CONSTRAINTS = (
     'singular',
     'distance_to_singular',
 )
+_ENERGY = ('energy_j', 'initial_energy_j', 'change_j')
 # Part of the ticks that may come late: on a busy desktop some always do.
 MOST_LATE = 0.05
 MOST_LOST = 0.01  # of the energies of a motion, that steps lose or gain
@@ -132,11 +133,11 @@ def _open_efforts(sample: Sample) -> str:
 
 def energy(sample: Sample, initial: float) -> Report:
     """Total mechanical energy and its change since the run began, by drives and friction too."""
-    values = {
-        'energy_j': sample.energy,
-        'initial_energy_j': initial,
-        'change_j': sample.energy - initial,
-    }
+    try:
+        change = sample.energy - initial
+    except StepError as error:
+        return Report('energy', ERROR, str(error), dict.fromkeys(_ENERGY, 'unknown'))
+    values = dict(zip(_ENERGY, (sample.energy, initial, change), strict=True))
     return Report('energy', OK, f'{sample.energy:.6g} J', values)
 
 
@@ -153,7 +154,10 @@ def work(sample: Sample, initial: float) -> Report:
     WARN if that is large beside the energies of the motion, also within the tolerance of each
     step.
     """
-    lost, works = balance(sample) - initial, sample.works
+    try:
+        lost, works = balance(sample) - initial, sample.works
+    except StepError as error:
+        return Report('work', ERROR, str(error), {})
     values = {f'{name}_j': work for name, work in works.items()}
     told = f'{lost:.1e} J not accounted for'
     turned_over = max(sample.kinetic_energy, *map(abs, works.values()), _slow(sample))

@@ -146,10 +146,14 @@ class Reporting:
             violation = f'{sample.diagnostics.position_violation:.0e} m'
         except StepError:
             violation = 'unknown'
+        try:
+            energy = f'{sample.energy:.6g} J'
+        except StepError:
+            energy = 'unknown'
         parts = [
             f't {sample.t:.2f} s',
             state,
-            f'E {sample.energy:.6g} J',
+            f'E {energy}',
             f'violation {violation}',
             f'overruns {self._pacer.overruns}',
             f'log {recorder.path.name}' if recorder else 'no log',

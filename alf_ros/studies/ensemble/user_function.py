@@ -37,7 +37,13 @@ class UserFunction:
                 raise InputError(
                     'not a function', key='function', value=given, expected='FILE.py:NAME'
                 )
-            made = cls(name, source=paths.content(paths.named(file), LARGEST).decode('utf-8'))
+            try:
+                source = paths.content(paths.named(file), LARGEST).decode('utf-8')
+            except InputError as error:  # the file of a study that names it has the line
+                raise InputError(str(error), key='function') from None
+            except UnicodeDecodeError:
+                raise InputError('not text in UTF-8', key='function', value=file) from None
+            made = cls(name, source=source)
             made.called  # noqa: B018  a fault of the file shows here, and not in each member
             return made
         if not callable(given):

@@ -35,6 +35,7 @@ _STEP, _STEPS, _PLACES = 0.1, 2, 12  # of the size; of a place; on a way
 _WAYS = 4  # at most
 _UNTOLD = 1e-6  # of the largest singular value of the joints
 _MISSING = 5.0  # usual times between measurements: a longer one is a gap
+_ROUNDED = 1e-4  # rad, of angles that wrap
 _FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
 
 
@@ -265,8 +266,21 @@ def wrapped(angle: Floats) -> Floats:
 
 
 def _wraps(angle: MeasuredChannel) -> bool:
-    """Whether recorded angles may jump by whole turns: else they span more, and count them."""
-    return float(np.ptp(angle.values)) <= 3.0 * np.pi  # a turn, and noise
+    """Whether jumps of recorded angles by more than half a turn are whole turns, and not counted.
+
+    Angles that count turns span more than one, or jump in gaps alone. There angles within -π to π,
+    or 0 to 2π, may do either, and are taken to jump.
+    """
+    values, passed = angle.values, np.diff(angle.t)
+    jumps = np.abs(np.diff(values)) > np.pi
+    low, high = float(values.min()), float(values.max())
+    if not jumps.any() or high - low > 3.0 * np.pi:  # a turn, and noise
+        return False
+    if (jumps & (passed <= _MISSING * float(np.median(passed)))).any():
+        return True
+    return any(
+        first - _ROUNDED <= low and high <= first + 2.0 * np.pi + _ROUNDED for first in (-np.pi, 0)
+    )
 
 
 def _parabola(channel: MeasuredChannel, t: float, turns: bool) -> tuple[float, float]:

@@ -114,10 +114,8 @@ class _Reader:
     # ---------------------------------------------------------------------------------- reading
 
     def _own_log(self) -> log.Log | None:
-        contents = Contents()
-        for _ in mcap_chunks.blocks(self._files[0], contents):
-            break
-        return log.load(self._path) if 'alf_ros' in contents.metadata else None
+        contents = mcap_chunks.described(self._files[0], log.RECORD)
+        return log.load(self._path) if log.RECORD in contents.metadata else None
 
     def _series(self, journal_topic: str | None) -> Iterator[Series]:
         for file in self._files:
