@@ -73,6 +73,7 @@ def is_regular(closing: Closing, start: Floats, off: float) -> bool:
     """
     sharp = sharpness(closing)
     closing.trail[1] = max(closing.trail[1], sharp)
+    closing.trail[5] = min(closing.trail[5], sharp)
     if sharp >= closing.trail[1] + _BLUNT:
         return True
     work, n, system = closing.work, closing.ahead.size, closing.tight
@@ -300,7 +301,7 @@ def go_along(closing: Closing, hasty: bool) -> float:
     widest, again, exactly, fine = h, True, False, 0
     known, skips = _carried(closing), 0
     wider = _WIDE / reach if reach > 0.0 else 0.0
-    closing.trail[2] = 0.0
+    closing.trail[2], closing.trail[5] = 0.0, np.inf
     begin_mode(closing, closing.before)
     while s < 1.0:
         strict = h > _FINE * widest

@@ -18,7 +18,8 @@ line ends on the way to it, in a dead point.
 
 Values that the loops cannot reach end in a dead point. A line from there may lead to either
 branch, or to none, so the next one begins at the last posture before. Values with noise do not
-determine q near a dead point: there the motion is an estimate, see `_close_noisy`.
+determine q near a dead point: there the motion is an estimate, see `_close_noisy`. It may leave
+the branch where another one passes it closely: `_strays` compares it with the line.
 """
 
 from __future__ import annotations
@@ -48,10 +49,12 @@ _STEADY = 0.3  # of a change of a singular value in a call, the change in the ca
 _SAME = 1e-9  # of the size: candidates that are the same
 _GAP = 1e-3  # of the line, before which the loops end
 _AWAY = -5.0  # logarithm of the part of the largest σ so far, from which on a posture is held
+_SOFT = -2.0  # the same, below which a branch may be left
 _AGREE = 1e-6  # rad or size: an active coordinate and its value, turns counted
 
 _FITS = 5.0  # standard deviations, up to which a value fits the motion
 _UNSURE = 0.03  # of the way: standard deviation of the change of velocity in a call
+_HIDDEN = 10.0  # standard deviations: a narrower bend of a branch is hidden in the noise
 
 AHEAD, ALONG, BEYOND = 0, 1, 2  # which candidate a call took; the last: as far as the line reaches
 
@@ -221,6 +224,89 @@ def _go_from_held(closing: Closing, reached: float) -> float:
 
 
 @inner
+def _may_pass(closing: Closing, sharp: float) -> bool:
+    """Whether the least singular value may have vanished on the way to a posture: it would have
+    gone on as in the two calls before. sharp: its logarithm, as of `sharpness`."""
+    before = np.exp(closing.trail[3] - sharp)
+    fallen = np.exp(closing.trail[4] - sharp) - before
+    return not fallen < _STEADY * (1.0 + before)
+
+
+@inner
+def _jumps(closing: Closing) -> bool:
+    """Whether the posture in `work` is on another branch than the last one."""
+    copy(closing.work.q, closing.other)
+    begin_mode(closing, closing.q)
+    copy(closing.other, closing.work.q)
+    closing.counts[3] = 0  # the factor is of another place
+    return is_left(closing)
+
+
+@inner
+def _is_doubtful(closing: Closing) -> bool:
+    """Whether the posture in `work` may be on another branch than the last ones: its mode shows
+    it, or it is the first one away from a position where branches meet."""
+    sharp = sharpness(closing)
+    if furthest(closing.held, closing.q, closing.ahead.size) > 0.0:
+        return sharp >= closing.trail[1] + _AWAY
+    passes = _may_pass(closing, sharp)
+    if passes and closing.active.size == 1:  # over a gap the mode may come back
+        return True
+    soft = min(sharp, closing.trail[3]) < closing.trail[1] + _SOFT
+    return (soft or passes) and _jumps(closing)
+
+
+@inner
+def _is_hidden(closing: Closing, sharp: float) -> bool:
+    """Whether a bend of the branch, which the last line went around, is hidden in the noise.
+    sharp: at its end.
+
+    The least singular value is k √(x² + w²), x from a bend of half the width w, so its least value
+    on the line shows w.
+    """
+    part = np.exp(closing.trail[5] - sharp)
+    for k in range(closing.wanted.size):
+        if part * abs(closing.wanted[k] - closing.asked[k]) > _HIDDEN * closing.noise[k]:
+            return False
+    return True
+
+
+@inner
+def _strays(closing: Closing) -> bool:
+    """Whether the posture in `work`, where the motion leads, is on another branch than the last
+    posture away from where branches meet. Then the one in `work` is on that branch.
+
+    As with exact values: the motion may pass a dead point, but nothing else. Where the branch ends
+    before the values, and one active joint has no way round, nobody knows it behind the gap.
+    """
+    work, n = closing.work, closing.ahead.size
+    copy(work.q, closing.other)
+    copy(closing.turned, closing.other_turns)
+    _back_to_held(closing)
+    reached = go_along(closing, False)
+    if reached < 1.0 - _GAP and closing.active.size == 1:
+        closing.counts[4] = 1
+    same = furthest(work.q, closing.other, n) <= _SAME * closing.tight.size
+    if reached == 1.0 and not same:
+        copy(work.q, closing.line)
+        copy(closing.turned, closing.line_turns)
+        closing.counts[3] = 0
+        sharp = sharpness(closing)
+        hidden = _is_hidden(closing, sharp)
+        if leads_past(closing):
+            if hidden:
+                closing.counts[4] = 1
+            copy(closing.line, work.q)
+            copy(closing.line_turns, closing.turned)
+            closing.counts[3] = 0
+            return True
+    copy(closing.other, work.q)
+    copy(closing.other_turns, closing.turned)
+    closing.counts[3] = 0
+    return False
+
+
+@inner
 def _close_noisy(closing: Closing, ratio: float) -> bool:
     """The posture from values with noise, if they fit the motion; returns whether they do.
 
@@ -265,30 +351,15 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
         if _deviations(closing, closing.turned) > _FITS:  # Newton's method ended too early
             go_along(closing, False)
         _put_reached(closing)
+    strays = reached and _is_doubtful(closing) and _strays(closing)
     _take(closing, work.q, closing.turned)
     if reached:
         _hold(closing, True)
     closing.counts[2] = AHEAD
+    if strays:
+        closing.counts[0] = 0  # the motion begins anew
+        _begin(closing)
     return True
-
-
-@inner
-def _may_pass(closing: Closing, sharp: float) -> bool:
-    """Whether the least singular value may have vanished on the way to a posture: it would have
-    gone on as in the two calls before. sharp: its logarithm, as of `sharpness`."""
-    before = np.exp(closing.trail[3] - sharp)
-    fallen = np.exp(closing.trail[4] - sharp) - before
-    return not fallen < _STEADY * (1.0 + before)
-
-
-@inner
-def _jumps(closing: Closing) -> bool:
-    """Whether the posture in `work` is on another branch than the last one."""
-    copy(closing.work.q, closing.other)
-    begin_mode(closing, closing.q)
-    copy(closing.other, closing.work.q)
-    closing.counts[3] = 0  # the factor is of another place
-    return is_left(closing)
 
 
 @inner
@@ -354,6 +425,8 @@ def close_loops(closing: Closing, ratio: float) -> float:
     closing.counts[1] = 0
     reached, noisy = 1.0, largest(closing.noise, closing.noise.size) > 0.0
     if not noisy or not _close_noisy(closing, ratio):
+        if noisy and furthest(closing.held, closing.q, closing.ahead.size) > 0.0:
+            closing.counts[2] = BEYOND  # beside a position where branches meet noise tells none
         reached = _close_exact(closing, ratio)
     zero(closing.work.qd)
     read(closing, closing.q, closing.turns)

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 
 from alf_ros import Closure, InputError
 from alf_ros.ros.closing.active_input import ActiveInput, renamed
-from alf_ros.ros.closing.closing_messages import joint_state
+from alf_ros.ros.closing.closing_messages import WARN, joint_state
 from support.forked import ended, started
 from support.paths import ROOT
 from support.ros_node import LIMIT, SPEAKS, START_LIMIT, Peer, stacks
@@ -174,6 +174,26 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         peer.until(lambda: 'no input for' in values(reports[-1], 'loops')[1], 'old input')
         assert node.stop() == 0, node.output
         assert 'Traceback' not in node.output and 'stopped after 61 postures' in node.output
+
+
+def test_a_branch_that_is_a_guess_is_said(tmp_path: Path, peer: Peer) -> None:
+    """The slider rests in its dead point for long: nothing tells the direction of the crank."""
+    with ClosingProcess(tmp_path, '--active', 'guide', '--ros-args', '-p', 'timeout:=60.0'):
+        joints = peer.listen('/joint_states', JointState)
+        reports = peer.listen('/close/diagnostics', DiagnosticArray)
+        talker = peer.talk(INPUT, JointState)
+        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
+        peer.until(lambda: reports, 'a report')
+        for step in range(8):
+            angle, pause = 0.7 - 0.1 * step, 100_000_000_000 if step > 6 else 0
+            place = 2.0 * math.cos(angle - 0.1 * (step > 6))
+            stamp = 1_000_000_000 + 10_000_000 * step + pause
+            talker.publish(message(stamp, guide=place))
+            peer.until(lambda: len(joints) > step, f'answer {step}')  # noqa: B023
+        peer.until(lambda: values(reports[-1], 'loops')[2].get('ambiguous') == 'True', 'a guess')
+        level, text, _ = values(reports[-1], 'loops')
+        assert level == WARN
+        assert text == 'the branch is a guess: start again where it is known'
 
 
 @pytest.mark.parametrize(

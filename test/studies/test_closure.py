@@ -141,6 +141,41 @@ def test_after_a_long_gap_the_motion_does_not_count(slider: Closure) -> None:
         assert posture.joints['pin'] == pytest.approx(side * 0.02, abs=1e-9)
 
 
+@pytest.mark.parametrize('noise', [0.0, 1e-5])
+@pytest.mark.parametrize(
+    ('stop', 'said'), [(0.0, True), (1e-5, True), (0.001, True), (0.4, False)]
+)
+def test_a_long_gap_beside_a_dead_point_leaves_the_branch_a_guess(
+    noise: float, stop: float, said: bool
+) -> None:
+    closure, random = Closure(SLIDER_CRANK, ['guide'], noise=noise), np.random.default_rng(2)
+    for _ in range(10):
+        closure.restart()
+        spacing, t = random.uniform(0.01, 0.08), 0.0
+        angles = np.arange(stop + math.floor((0.7 - stop) / spacing) * spacing, -0.3, -spacing)
+        before = True
+        for angle in angles.tolist():
+            at = float(stroke(angle)) + noise * float(random.standard_normal())
+            gone = before and angle < stop - 1e-9
+            before = before and not gone
+            t += 1e6 if gone else 0.1
+            posture = closure.close({'guide': at}, t=t)
+            assert posture.ambiguous == (said and not before)
+    closure.restart()
+    assert not closure.ambiguous
+    assert not closure.close(closure.start, t=0.0).ambiguous
+
+
+@pytest.mark.parametrize('noise', [0.0, 1e-5, 1e-4])
+def test_a_branch_that_the_motion_tells_is_no_guess(noise: float) -> None:
+    """Many turns through both dead points."""
+    closure, random = Closure(SLIDER_CRANK, ['guide'], noise=noise), np.random.default_rng(8)
+    angles = 0.7 - np.cumsum(0.1 + 0.03 * np.sin(0.07 * np.arange(600.0)))
+    values, _ = closure.follow((stroke(angles) + noise * random.standard_normal(600))[:, None])
+    assert values[-1, closure.joint_names.index('pin')] == pytest.approx(angles[-1], abs=0.05)
+    assert not closure.ambiguous
+
+
 def test_out_of_reach_the_nearest_posture(slider: Closure) -> None:
     slider.restart()
     for angle in np.arange(0.7, 0.3, -0.02):

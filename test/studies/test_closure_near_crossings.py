@@ -23,7 +23,7 @@ def b_of(coupler: float, angle: float) -> Floats:
     return np.asarray(a + coupler * np.array([math.cos(turned), math.sin(turned)]))
 
 
-def closure_of(coupler: float) -> Closure:
+def closure_of(coupler: float, noise: float = 0.0) -> Closure:
     rod = {'mass': 1, 'inertia': 'rod'}
     return Closure(
         {
@@ -47,6 +47,7 @@ def closure_of(coupler: float) -> Closure:
             },
         },
         ['pin'],
+        noise=noise,
     )
 
 
@@ -81,3 +82,48 @@ def test_a_gap_is_not_jumped(long: float, spacing: float) -> None:
             assert posture.missed_by < 1e-12
     assert posture.joints['pin'] == pytest.approx(end, abs=1e-6)
     assert posture.missed_by == pytest.approx(end - angle, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('short', 'noise', 'hidden'),
+    [
+        (1e-2, 1e-6, False),
+        (1e-2, 1e-3, False),
+        (1e-4, 1e-6, False),
+        (1e-4, 1e-4, False),
+        (1e-6, 1e-3, True),
+        (1e-8, 1e-3, True),
+    ],
+)
+def test_noise_does_not_take_the_posture_to_the_other_branch(
+    short: float, noise: float, hidden: bool
+) -> None:
+    """The motion leads to the other branch. Only a bend narrower than the noise is marked."""
+    closure, random = closure_of(2.0 - short, noise), np.random.default_rng(1)
+    said = 0
+    for _ in range(20):
+        closure.restart()
+        assert not closure.ambiguous
+        angles = np.arange(START, -1.0, -random.uniform(0.02, 0.06))
+        given = angles[:-1] + noise * random.standard_normal(angles.size - 1)
+        closure.follow(given[:, None])
+        posture = closure.close({'pin': float(angles[-1])})
+        np.testing.assert_allclose(
+            posture.points['B'], b_of(2.0 - short, float(angles[-1])), atol=1e-9
+        )
+        assert posture.branch == 1
+        assert posture.ambiguous == closure.ambiguous
+        said += posture.ambiguous
+    assert said >= 18 if hidden else said == 0
+
+
+@pytest.mark.parametrize('long', [1e-4, 1e-6])
+@pytest.mark.parametrize('noise', [1e-6, 1e-3])
+def test_a_gap_is_not_passed_with_noise_without_a_word(long: float, noise: float) -> None:
+    closure, random = closure_of(2.0 + long, noise), np.random.default_rng(1)
+    for _ in range(20):
+        closure.restart()
+        angles = np.arange(START, -2.0, -random.uniform(0.02, 0.06))
+        closure.follow((angles + noise * random.standard_normal(angles.size))[:, None])
+        posture = closure.close({'pin': float(angles[-1])})
+        assert posture.ambiguous or posture.missed_by > 1.0

@@ -34,8 +34,8 @@ class Closing(Struct):
     turns: Integers  # (angles,) of the posture
     turned: Integers  # (angles,) on the way
     other_turns: Integers  # (angles,) of the other candidate
-    counts: Integers  # (4,) calls in the motion so far; corrections in the last call; which
-    # candidate it took; corrections of the last candidate or step
+    counts: Integers  # (5,) calls in the motion so far; corrections in the last call; which
+    # candidate it took; corrections of the last candidate or step; 1 once the branch is a guess
     q: Floats  # (all blocks D,) the posture
     other: Floats  # (all blocks D,) a candidate
     before: Floats  # (all blocks D,) where a step on the way began
@@ -54,8 +54,9 @@ class Closing(Struct):
     stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed
     mode: Floats  # (all blocks D,) the softest mode of Φ_q where a step began
     image: Floats  # (rows,) its unit image
-    trail: Floats  # (5,) m: correction of the last call; largest sharpness so far; 1 if the line
-    # ends beside a position where branches cross, or 0; sharpness of the last call, and before
+    trail: Floats  # (6,) m: correction of the last call; largest sharpness so far; 1 if the line
+    # ends beside a position where branches cross, or 0; sharpness of the last call, and before;
+    # least sharpness on the last line
     held: Floats  # (all blocks D,) the last posture away from dead points
     held_turns: Integers  # (angles,) of it
     held_at: Floats  # (active,) values where it is, rad or m

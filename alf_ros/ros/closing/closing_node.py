@@ -181,6 +181,8 @@ class CloseNode(Node):
             return 'refused', self._refusal
         if posture.missed_by > max(_MISSED, _DEVIATIONS * self._noise):
             return 'missed', f'the loops miss the active values by {posture.missed_by:.3g}'
+        if posture.ambiguous:
+            return 'ambiguous', 'the branch is a guess: start again where it is known'
         if posture.distance < near(self.closure.model):
             return 'near', f'near a singular position: distance {posture.distance:.3g}'
         return '', ''
@@ -204,6 +206,7 @@ class CloseNode(Node):
                 'distance_to_singular': posture.distance,
                 'missed_by': posture.missed_by,
                 'branch': posture.branch,
+                'ambiguous': posture.ambiguous,
                 'closed_to_m': posture.closed_to,
             }
         loops = (

@@ -37,9 +37,11 @@ _LONG = 4.0  # of the size: longest travel of a length that is looked for
 _FAR = 100.0  # of the size: how far from its posture a mechanism is followed
 _STEPS, _FEWEST = 256, 16  # places at which joints are compared with stops, in a turn and at least
 _SHORT = 1e-9  # of the way to a dead point, before which they are compared last
-_UNTRIED = (math.inf, -math.inf, 0.0, math.inf, math.inf)  # nothing is known of the motion so far
+_UNTRIED = (math.inf, -math.inf, 0.0, math.inf, math.inf, math.inf)  # no motion so far
 _NOTHING = 1e-30  # of a penalty: the row binds nothing
 _MOST_RATIO = 10.0  # of two times between calls, up to which the motion is believed
+_FEW = 2.0  # calls that a motion needs to begin anew
+_SOFT = 0.05  # of the largest σ so far, beside a position where branches meet
 
 
 class Closure:
@@ -86,6 +88,11 @@ class Closure:
         values = self._actuated.values[self._closing.active]
         return dict(zip(self.active, values.tolist(), strict=True))
 
+    @property
+    def ambiguous(self) -> bool:
+        """Whether the branch is a guess, as `Posture.ambiguous` of the last posture."""
+        return bool(self._closing.counts[4])
+
     @by_one_thread
     def restart(self) -> None:
         """Back to where the mechanism starts; the motion so far is forgotten."""
@@ -114,7 +121,13 @@ class Closure:
         self._refuse_far(np.abs(wanted - closing.asked), wanted)
         ratio, per_call = self._timed(t)
         closing.wanted[:] = wanted
+        long_ago = ratio > _MOST_RATIO  # too long to say where the motion leads
+        if long_ago:
+            closing.counts[0] = min(closing.counts[0], 1)
+            closing.counts[4] |= self._is_beside(_FEW)
         close_loops(closing, ratio)
+        if long_ago:
+            closing.counts[4] |= self._is_beside(0.0)
         self._calls += 1
         missed = float(np.abs(closing.values[closing.active] - wanted).max())
         qd = np.zeros_like(closing.q)
@@ -132,6 +145,7 @@ class Closure:
             state,
             self._actuated.instruments,
             missed,
+            self.ambiguous,
             self._ways(state, closing.values[closing.active]),
         )
 
@@ -183,9 +197,17 @@ class Closure:
         ratio = span / self._span
         self._t, self._span = float(t), span
         per_call = 1.0 / span if math.isfinite(span) else 0.0
-        if ratio > _MOST_RATIO:  # too long ago to say where the motion leads
-            self._closing.counts[0] = min(self._closing.counts[0], 1)
         return (ratio if math.isfinite(ratio) else 1.0), per_call
+
+    def _is_beside(self, calls: float) -> bool:
+        """Whether the posture is in or beside a position where branches meet, or the motion would
+        have led there in so many calls."""
+        closing = self._closing
+        if (closing.held != closing.q).any():
+            return True
+        largest = closing.trail[1]
+        now, before = (math.exp(min(x, largest) - largest) for x in closing.trail[3:5])
+        return now < max(_SOFT, calls * (before - now))
 
     def _numbers(self, given: Mapping[str, float], key: str, least: float = -math.inf) -> Floats:
         """(active,) the numbers of a mapping. Raises InputError."""
@@ -321,7 +343,7 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
     count, whole, angles = len(of.active), model.q.size, model.system.angles.c.size // 2
     sizes = {
         'known': 3,
-        'trail': 5,
+        'trail': 6,
         'image': len(rows.alpha),
         **dict.fromkeys(('wanted', 'asked', 'here', 'stride', 'held_at'), count),
         **dict.fromkeys(('q', 'other', 'before', 'line', 'held', 'mode'), whole),
@@ -348,6 +370,6 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         other_turns=np.zeros(angles, dtype=np.int64),
         line_turns=np.zeros(angles, dtype=np.int64),
         held_turns=np.zeros(angles, dtype=np.int64),
-        counts=np.zeros(4, dtype=np.int64),
+        counts=np.zeros(5, dtype=np.int64),
         **{name: np.zeros(size) for name, size in sizes.items()},
     )

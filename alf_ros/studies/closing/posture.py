@@ -39,10 +39,11 @@ class Posture(Kinematics):
         state: State,
         instruments: Instruments,
         missed_by: float,
+        ambiguous: bool,
         ways: Ways,
     ) -> None:
         super().__init__(model, t, state, instruments)
-        self._missed_by, self._ways = missed_by, ways
+        self._missed_by, self._ambiguous, self._ways = missed_by, ambiguous, ways
 
     def __repr__(self) -> str:
         count = len(self.model.coordinate_names)
@@ -58,6 +59,15 @@ class Posture(Kinematics):
         them leaves what the loops allow.
         """
         return self._missed_by
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether the branch is a guess, since some call up to now; `Closure.restart` ends it.
+
+        With noise: two branches passed each other closer than the noise tells, or one active joint
+        went over a gap that the loops do not allow. With times: calls stopped for long in or
+        beside a position where branches meet."""
+        return self._ambiguous
 
     @property
     def joints(self) -> Mapping[str, float]:
