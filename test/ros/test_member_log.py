@@ -88,13 +88,13 @@ def test_a_member_that_there_is_not(study, tmp_path, capsys, options, said):
         (
             'normal: [1.0, 0.05]',
             'normal: [1.0]',
-            'study.yaml:3: vary.coupler.mass: normal: wrong parameters',
+            'study.yaml:4: vary.coupler.mass: normal: wrong parameters',
         ),
         ('coupler.mass', 'couple.mass', 'study.yaml'),
         (
             'outputs: [energy]',
             'outputs: [max(energie)]',
-            'study.yaml:9: outputs: name: no such quantity',
+            'study.yaml:9: outputs.max_energie: no such quantity',
         ),
         ('scene: slider_crank', 'scene: slider_crunk', 'study.yaml:2: '),
         ('members: 5', 'members: many', 'study.yaml:6: members: '),
