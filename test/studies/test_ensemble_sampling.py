@@ -157,6 +157,53 @@ def test_grids_and_tables():
     ]
 
 
+def test_members_in_a_file(tmp_path):
+    """A line of names, then a line for each member: numbers keep their digits, texts stay."""
+    (tmp_path / 'parts.csv').write_text(
+        '# measured\ncoupler.mass, solver.integrator\n1.0625,rk4\n\n1.125,dop853\n0.1,rk4\n'
+    )
+    (tmp_path / 'study.yaml').write_text(
+        'scene: four_bar\nvary: parts.csv\nduration: 0.1\noutputs: [final(energy)]\n'
+    )
+    found = load_study(tmp_path / 'study.yaml')
+    assert (found.sampling, found.members) == ('table', 3)
+    assert dict(found.vary) == {
+        'coupler.mass': ('1.0625', '1.125', '0.1'),
+        'solver.integrator': ('rk4', 'dop853', 'rk4'),
+    }
+    assert found.data['vary']['coupler.mass'] == ['1.0625', '1.125', '0.1']
+    kept = ensemble(
+        'four_bar', tmp_path / 'parts.csv', duration=0.1, outputs=['final(energy)'], workers=0
+    )
+    assert kept['coupler.mass'].values.tolist() == [1.0625, 1.125, 0.1]
+    assert set(kept['reason'].values) == {''}
+    (tmp_path / 'study.yaml').write_text(
+        'scene: four_bar\nvary: parts.csv\nsampling: random\nmembers: 9\n'
+    )
+    assert load_study(tmp_path / 'study.yaml').members == 9
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('', 'no members in the file'),
+        ('coupler.mass\n', 'no members in the file'),
+        ('1.0,2.0\n3.0,4.0\n', "1: no name in column 1, got '1.0'; expected a line of names"),
+        ('coupler.mass,\n1,2\n', '1: no name in column 2'),
+        ('a,b,a\n1,2,3\n', "1: named twice, got 'a'"),
+        ('# x\na,b\n1,2\n1\n', '4: wrong number of columns; expected 2 columns'),
+        ('a,b\n1,\n', '2: b: an empty cell'),
+    ],
+)
+def test_a_file_of_members_that_cannot_be_is_said(text, said, tmp_path):
+    (tmp_path / 'parts.csv').write_text(text)
+    with pytest.raises(InputError, match=f'parts.csv:? ?{re.escape(said)}'):
+        ensemble('four_bar', tmp_path / 'parts.csv')
+    (tmp_path / 'study.yaml').write_text('scene: four_bar\nvary: none.csv\n')
+    with pytest.raises(InputError, match=r'none\.csv: no such file'):
+        load_study(tmp_path / 'study.yaml')
+
+
 def test_each_value_of_a_list_is_equally_likely():
     sampling = Sampling('random', {'a': ('x', 'y', 'z')}, 3000, 0)
     found = [sampling.values(k)['a'] for k in range(3000)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from alf_ros import paths
@@ -48,21 +48,27 @@ class Tables:
         return replaced(entry, self._from_file)
 
 
-def read(path: Path) -> Table:
-    """The rows of a file, all of the same length. Raises InputError."""
-    file = str(path)
-    rows: list[tuple[float, ...]] = []
+def cells_of(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line of a CSV file, without empty lines and comments (#). Raises
+    InputError."""
     data = paths.content(path, LARGEST_FILE)
     try:
         lines = data.decode('utf-8-sig').splitlines()
     except UnicodeDecodeError as error:
         place = data.count(b'\n', 0, error.start) + 1
-        raise InputError('not a text file in UTF-8', file=file, line=place) from None
-    titled = False
+        raise InputError('not a text file in UTF-8', file=str(path), line=place) from None
     for number, line in enumerate(lines, 1):
-        if not line.strip() or line.lstrip().startswith('#'):
-            continue
-        (cells,) = csv.reader([line])
+        if line.strip() and not line.lstrip().startswith('#'):
+            (cells,) = csv.reader([line])
+            yield number, [cell.strip() for cell in cells]
+
+
+def read(path: Path) -> Table:
+    """The rows of a file, all of the same length. Raises InputError."""
+    file = str(path)
+    rows: list[tuple[float, ...]] = []
+    titled = False
+    for number, cells in cells_of(path):
         row = tuple(map(_number, cells))
         if not (rows or titled) and all(map(math.isnan, row)):
             titled = True
@@ -83,7 +89,7 @@ def read(path: Path) -> Table:
 def _number(cell: str) -> float:
     """The value of a cell, NaN if it has none that can be used."""
     try:
-        value = decimal(cell.strip())
+        value = decimal(cell)
     except ValueError:
         return math.nan
     return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan

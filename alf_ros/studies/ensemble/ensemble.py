@@ -57,7 +57,7 @@ class Progress:
 
 def ensemble(
     scene: str | Path | Scene | Mapping[str, Any],
-    vary: Mapping[str, Any],
+    vary: Mapping[str, Any] | str | Path,
     members: int | None = None,
     seed: int = 0,
     outputs: Any = ('energy',),
@@ -65,7 +65,7 @@ def ensemble(
     workers: int | None = None,
     scheduler: str | None = None,
     *,
-    sampling: str = 'random',
+    sampling: str | None = None,
     duration: float = 10.0,
     period: float | None = None,
     chunk: int | None = None,
@@ -75,12 +75,14 @@ def ensemble(
 
     `vary`: by the names of `fork --set` a distribution
     (`alf_ros.studies.ensemble.distributions`, or a frozen one of scipy.stats) or a list of
-    values. `sampling`: 'random', 'lhs', 'sobol', 'saltelli', 'grid' or 'table'; the last two
-    say themselves how many `members` there are. A member is defined by `seed` and its index.
-    `outputs`: the kept values, see `alf_ros.studies.ensemble.kept_outputs`. Each member runs for
-    `duration` (s) and is looked at every `period` (s; about a hundredth of it) and at the end.
-    `store`: a folder in which finished chunks of `chunk` members survive whatever happens; the
-    same call continues there. `workers`: processes of this machine (0: none, this one; if not
+    values; or the path of a CSV file, whose first line has the names and each other one a member.
+    `sampling`: 'random', 'lhs', 'sobol', 'saltelli', 'grid' or 'table'; the last two say
+    themselves how many `members` there are. By default 'random', and 'table' for a file. A member
+    is defined by `seed` and its index. `outputs`: the kept values, see
+    `alf_ros.studies.ensemble.kept_outputs`. Each member runs for `duration` (s)
+    and is looked at every `period` (s; about a hundredth of it) and at the end. `store`: a folder
+    in which finished chunks of `chunk` members survive whatever happens; the same call continues
+    there. `workers`: processes of this machine (0: none, this one; if not
     given, as many as it has processors, or none for what takes no longer than they to begin).
     `scheduler`: the address of a Dask cluster to use instead. `watching` is called after each
     chunk.

@@ -40,13 +40,18 @@ _WORDS = 256  # of a stream that are read at once, four of each block
 Varied = Distribution | tuple[Value, ...]
 
 
+def sampling_named(kind: object) -> None:
+    """Raises InputError for what names no sampling."""
+    choice(kind, 'sampling', SAMPLINGS, 'no such sampling')
+
+
 class Sampling:
     """The varied values of each of `members` members. Raises InputError for what cannot be."""
 
     def __init__(
         self, kind: str, vary: Mapping[str, Varied], members: int | None, seed: int
     ) -> None:
-        choice(kind, 'sampling', SAMPLINGS, 'no such sampling')
+        sampling_named(kind)
         if not vary:
             raise InputError('nothing varies', key='vary', expected='{name: distribution or list}')
         self.kind, self.seed, self.names = kind, seed, tuple(vary)

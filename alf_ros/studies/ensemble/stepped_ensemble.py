@@ -51,9 +51,9 @@ class Ensemble:
         scene: str | Path | Scene,
         members: int | None = None,
         *,
-        vary: Mapping[str, Any] | None = None,
+        vary: Mapping[str, Any] | str | Path | None = None,
         seed: int = 0,
-        sampling: str = 'random',
+        sampling: str | None = None,
         efforts: Sequence[str] = (),
         observations: Sequence[str] | None = None,
         steps: int = 1,
@@ -61,15 +61,19 @@ class Ensemble:
     ) -> None:
         self.steps = check.whole(steps, 'steps', 1)
         loaded = scene if isinstance(scene, Scene) else load_scene(scene)
-        self._varied = vary is not None
+        self._varied, names = vary is not None, []
         if vary is not None:
             given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling)
             count = check.whole(given.members, 'members', 1, MOST_MEMBERS)
+            names = [name for name, _ in given.vary]
             scenes = [given.scene_of(k) for k in range(count)]
             self._members = [Simulation(each, **settings) for each in scenes]
         else:
-            for key, value, default in (('seed', seed, 0), ('sampling', sampling, 'random')):
-                if not isinstance(value, (int, np.integer, str)) or value != default:
+            for key, value, idle in (
+                ('seed', seed, 0),
+                ('sampling', sampling or 'random', 'random'),
+            ):
+                if not isinstance(value, (int, np.integer, str)) or value != idle:
                     raise InputError(_ALIKE, key=key, value=value, expected='vary beside it')
             count = check.whole(members, 'members', 1, MOST_MEMBERS)
             first = Simulation(loaded, **settings)
@@ -80,7 +84,7 @@ class Ensemble:
         self._efforts = np.zeros((len(self._members), len(self.inputs)))
         self._together = self._side_by_side()
         if self._together.patterns > 1:
-            raise InputError(_DIFFER, key='vary', value=list(vary or ()))
+            raise InputError(_DIFFER, key='vary', value=names)
         self._failed: dict[int, str] = {}
         for each in self._members:
             for name in self.inputs:

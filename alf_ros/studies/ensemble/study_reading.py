@@ -28,8 +28,9 @@ from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.distributions import distribution, value
 from alf_ros.studies.ensemble.kept_outputs import outputs as read_outputs
-from alf_ros.studies.ensemble.sampling import Sampling, Varied
+from alf_ros.studies.ensemble.sampling import Sampling, Varied, sampling_named
 from alf_ros.studies.ensemble.study import Study
+from alf_ros.studies.ensemble.varied_table import columns
 
 KEYS = ('scene', 'vary', 'members', 'seed', 'sampling', 'duration', 'period', 'outputs', 'chunk')
 SAMPLES = 100  # in the duration, if no period is given
@@ -44,20 +45,24 @@ _TRIED = 200  # steps of the scene, to learn how many stages they take
 
 def study_of(
     scene: str | Path | Scene | Mapping[str, Any],
-    vary: Mapping[str, Any],
+    vary: Mapping[str, Any] | str | Path,
     *,
     members: int | None = None,
     seed: int = 0,
     outputs: Any = ('energy',),
-    sampling: str = 'random',
+    sampling: str | None = None,
     duration: float = 10.0,
     period: float | None = None,
     chunk: int | None = None,
 ) -> Study:
     """The study of these values; `alf_ros.ensemble` explains them. Raises InputError."""
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    if isinstance(vary, (str, Path)):
+        vary, sampling = columns(paths.named(vary, 'vary')), sampling or 'table'
     if not isinstance(vary, Mapping):
-        raise InputError('not a mapping', key='vary', value=vary, expected='{name: distribution}')
+        expected = '{name: distribution}, or a CSV file'
+        raise InputError('not a mapping', key='vary', value=vary, expected=expected)
+    sampling = 'random' if sampling is None else sampling
     varied = {str(name): _varied(data, f'vary.{name}') for name, data in vary.items()}
     if members is not None:
         members = check.whole(members, 'members', 1)
@@ -172,6 +177,10 @@ def load_study(source: str | Path, **changes: Any) -> Study:
             given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
     given['scene'] = scene_of(fields['scene'], path.parent)
     lines = lines_of(fields)
+    if 'sampling' in given:  # nothing is no sampling here: whoever wants the default has no key
+        within(fields['sampling'], lambda: sampling_named(given['sampling']))
+    if isinstance(given['vary'], str):
+        given['vary'] = path.parent / within(fields['vary'], lambda: paths.named(given['vary']))
     if 'outputs' in given:
         given['outputs'] = _functions(given['outputs'], path.parent)
         lines |= _output_lines(fields['outputs'], given['outputs'])

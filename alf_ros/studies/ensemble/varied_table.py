@@ -1,0 +1,44 @@
+"""A table of members in a CSV file: a line with the varied names, then a line for each member."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from alf_ros.errors import InputError
+from alf_ros.scene.text.decimal_numbers import decimal
+from alf_ros.scene.text.number_table import cells_of
+
+
+def columns(path: Path) -> dict[str, list[str]]:
+    """The values of each name, as texts that `fork --set` takes. Raises InputError."""
+    file, lines = str(path), cells_of(path)
+    titled, names = next(lines, (None, []))
+    for n, name in enumerate(names):
+        error = None
+        if not name or _is_number(name):
+            error = f'no name in column {n + 1}'
+        elif name in names[:n]:
+            error = 'named twice'
+        if error is not None:
+            expected = 'a line of names, such as coupler.mass'
+            raise InputError(error, file=file, line=titled, value=name, expected=expected)
+    rows: list[list[str]] = []
+    for line, cells in lines:
+        if len(cells) != len(names):
+            expected = f'{len(names)} columns'
+            raise InputError('wrong number of columns', file=file, line=line, expected=expected)
+        if '' in cells:
+            name = names[cells.index('')]
+            raise InputError('an empty cell', file=file, line=line, key=name)
+        rows.append(cells)
+    if not rows:
+        raise InputError('no members in the file', file=file)
+    return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        decimal(word)
+    except ValueError:
+        return False
+    return True
