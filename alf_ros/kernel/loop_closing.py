@@ -28,6 +28,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.branch_change import begin_mode, is_left
+from alf_ros.kernel.branch_doubt import STEADY, is_guess, is_unsure
 from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound, leads_past
@@ -319,6 +320,8 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
     way = _extrapolate(closing, ratio)
     if way == 0.0:
         return False
+    if is_unsure(closing, way):
+        closing.counts[4] = 1
     off = _onto_loops(closing)
     if not off < np.inf:
         return False
@@ -391,17 +394,23 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     same = ahead and furthest(work.q, closing.other, n) <= _SAME * size
     crossing = closing.trail[2] > 0.0
     beside = furthest(work.q, closing.ahead, n) if ahead else np.inf
+    told = crossing
     if ahead and (reached < 1.0 or (off < beside and not (same or crossing))):
         copy(work.q, closing.line)
         copy(closing.turned, closing.line_turns)
         if reached < 1.0 or not leads_past(closing):
+            if reached == 1.0 and off > STEADY * way:  # a dead point is passed, on a guess
+                closing.counts[4] = 1
             _take_ahead(closing, closing.other, closing.other_turns, ratio, near)
             _hold(closing, False)
             return 1.0
         copy(closing.line, work.q)
         copy(closing.line_turns, closing.turned)
+        told = True  # no dead point is near
     if reached < 1.0:
         reached = _go_from_held(closing, reached)
+    if reached == 1.0 and not told and is_guess(closing, way):
+        closing.counts[4] = 1
     _take(closing, work.q, closing.turned)
     if reached == 1.0:
         _hold(closing, False)
