@@ -32,6 +32,7 @@ from alf_ros.scene.text import yaml_document
 
 _PART = re.compile(r'(.*?)(?:_(\d+))?\.mcap')
 RECORD = 'alf_ros'  # name of its metadata
+COMPRESSED = '.zstd'  # what rosbag2 adds to the name of a file that it compresses
 _BAG, _LISTED = 'rosbag2_bagfile_information', 'relative_file_paths'  # in a metadata.yaml
 _INPUTS = '~/inputs'
 
@@ -397,13 +398,25 @@ def load(path: str | Path) -> Log:
 def parts(path: Path) -> list[Path]:
     """The MCAP files of a log or another recording, in order. Raises InputError without any."""
     if os.path.isfile(path):
+        _check_format(path, [path.name])
         return [path]
     if not os.path.isdir(path):
         raise InputError('no such log', file=str(path), expected='a folder or an .mcap file')
     found = sorted(path.glob('*.mcap'), key=_number)
     if not found:
+        _check_format(path, [each.name for each in path.glob('*')])
         raise InputError('no .mcap file in this folder', file=str(path))
     return found
+
+
+def _check_format(path: Path, names: Sequence[str]) -> None:
+    """Raises InputError for files that rosbag2 writes in other formats."""
+    if any(name.endswith(('.db3', f'.db3{COMPRESSED}')) for name in names):
+        expected = 'MCAP: `ros2 bag convert` makes it'
+        raise InputError('a recording in SQLite', file=str(path), expected=expected)
+    if any(name.endswith(f'.mcap{COMPRESSED}') for name in names):
+        expected = 'files that `zstd -d` made .mcap again'
+        raise InputError('a recording in compressed files', file=str(path), expected=expected)
 
 
 def absent(folder: Path, files: Sequence[Path]) -> str:

@@ -308,6 +308,21 @@ def test_what_is_not_there_is_refused(tmp_path):
             load(path)
 
 
+@pytest.mark.parametrize(
+    ('name', 'words'),
+    [
+        ('a.mcap.zstd', r'in compressed files; expected files that `zstd -d` made \.mcap again'),
+        ('a.db3', 'in SQLite; expected MCAP: `ros2 bag convert` makes it'),
+        ('a.db3.zstd', 'in SQLite'),
+    ],
+)
+def test_other_formats_of_rosbag2_are_refused_with_the_way_out(tmp_path, name, words):
+    (tmp_path / name).write_bytes(b'packed')
+    for path in (tmp_path, tmp_path / name):
+        with pytest.raises(InputError, match=words):
+            load(path)
+
+
 def test_another_bag_is_refused(tmp_path):
     with open(tmp_path / 'other.mcap', 'wb') as stream:
         writer = Writer(stream)

@@ -399,6 +399,27 @@ def test_an_energy_that_stays_zero_needs_no_closer_samples(of: str) -> None:
         assert found.by['gravity.acceleration.1'] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize('settings', [{}, {'integrator': 'dop853_adaptive'}])
+def test_a_sample_at_a_kink_over_time_is_of_its_instant(settings: dict[str, Any]) -> None:
+    """A step ends just before a row of a table. The state of the next step was taken for it."""
+    scene = {
+        'mechanism': {
+            'alf': 1,
+            'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
+            'bodies': {'arm': {'points': ['O', 'A'], 'mass': 3.0, 'inertia': 'rod'}},
+            'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'arm'], 'at': 'O'}},
+        },
+        # the moment of inertia about the pin is 1, so that the rate is 5 t²/2, later t - 0.1
+        'effects': {'user_table': {'joint': 'pin', 'table': [[0, 0], [0.2, 1], [9, 1]]}},
+    }
+    simulation = Simulation(load_scene(scene), step=1e-2, **settings)
+    # a row at the end of the run is as good
+    for of, duration, expected in (('mean', 0.4, 7 / 60), ('final', 0.2, 0.1)):
+        found = gradient(simulation, f'{of}(pin.velocity)', ['arm.mass'], duration)
+        assert found.value == pytest.approx(expected, rel=1e-9)
+        assert found.by['arm.mass'] == pytest.approx(-expected / 3.0, rel=1e-9)
+
+
 def servo(velocity_gain: float) -> Scene:
     table = [[0, 0], [0.3, 0.6], [0.8, 0.2]]
     gains = {'position_gain': 30, 'velocity_gain': velocity_gain}

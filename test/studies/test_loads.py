@@ -207,7 +207,7 @@ def test_a_table_of_all_numbers(tmp_path: Path) -> None:
 # -------------------------------------------------------------------------------- the fastest run
 
 
-def guided() -> Scene:
+def guided(length: str = 't', **effects: Any) -> Scene:
     """A mass of 2 kg on a straight guide."""
     mechanism = {
         'alf': 1,
@@ -222,8 +222,8 @@ def guided() -> Scene:
             }
         },
     }
-    drives = {'path': {'joint': 'guide', 'length': 't'}}
-    return load_scene({'mechanism': mechanism, 'drives': drives})
+    drives = {'path': {'joint': 'guide', 'length': length}}
+    return load_scene({'mechanism': mechanism, 'drives': drives, 'effects': effects})
 
 
 def test_fastest_straight_run() -> None:
@@ -292,6 +292,46 @@ def test_fastest_run_with_a_damper() -> None:
     assert abs(run.duration - free.duration) > 1e-3
 
 
+def test_fastest_run_where_drag_limits_the_speed() -> None:
+    """Most of the way has the speed at which drag takes the whole effort. This was refused:
+    without drag the speed is so high that the effort could not hold it."""
+    m, u, d, way = 2.0, 3.0, 20.0, 0.8
+    scene = guided(joint_friction={'joint': 'guide', 'viscous': d})
+    run = fastest(scene, {'guide': u}, length=way)
+    top, k = u / d, d / m
+
+    def braking(speed: float) -> tuple[float, float]:
+        t = np.log1p(speed / top) / k
+        return t, (speed + top) * -np.expm1(-k * t) / k - top * t
+
+    def ahead(t: float) -> float:
+        part = -np.expm1(-k * t)
+        return top * (t - part / k) + braking(top * part)[1] - way
+
+    t = brentq(ahead, 1.0, 10.0)
+    expected = t + braking(top * -np.expm1(-k * t))[0]
+    assert run.duration == pytest.approx(expected, rel=2e-4)
+    assert run.limited_by['guide'] > 0.99
+    # half a thousandth of the time is lost where it begins and ends
+    quadratic = fastest(guided(drag={'on': 'A', 'quadratic': 300.0}), {'guide': u}, length=way)
+    assert way / 0.1 < quadratic.duration < 1.01 * way / 0.1
+
+
+def rolled(speed: str) -> Scene:
+    """A wheel on a belt, its centre driven."""
+    belt = {'through': [0, 0], 'direction': [1, 0], 'speed': speed}
+    of = {'between': ['ground', 'wheel'], 'at': 'C', 'radius': 0.2}
+    wheel = {'points': ['C', 'M'], 'mass': 1.0, 'com': [0, 0], 'inertia': {'about_com': 0.02}}
+    mechanism = {
+        'alf': 1,
+        'points': {'C': {'at': [0, 0.2]}, 'M': {'at': [0.2, 0.2]}},
+        'bodies': {'wheel': wheel},
+        'joints': {'roll': {'type': 'no_slip', **of, 'on': belt}},
+        'drives': {'path': {'point': 'C', 'at': ['t', None]}},
+    }
+    return load_scene({'mechanism': mechanism})
+
+
 @pytest.mark.parametrize(
     ('call', 'words'),
     [
@@ -325,6 +365,18 @@ def test_forces_over_time_and_of_reactions_have_no_fastest_run() -> None:
     friction: Any = {'joint_friction': {'joint': 'knee', 'dynamic': 0.2, 'radius': 0.05}}
     with pytest.raises(InputError, match='depends on reactions'):
         fastest(crank(**friction), {'crank_pin': 12.0}, length=0.2)
+    # the run takes longer than the path has parameters: the table acts on its way
+    late: Any = {'user_table': {'joint': 'guide', 'table': [[0, 0], [3, 0], [3.1, -0.5]]}}
+    with pytest.raises(InputError, match="depend on time have no fastest run, got 'user_table'"):
+        fastest(guided(**late), {'guide': 1.0}, length=1.0)
+    with pytest.raises(InputError, match="depend on time have no fastest run, got 'roll'"):
+        fastest(rolled('0.5'), {'wrenches.wheel.torque': 1.0}, length=1.0)
+
+
+@pytest.mark.parametrize(('length', 'where'), [('0*t', '0.005'), ('max(t - 0.5, 0)**3', '0.005')])
+def test_a_path_that_stands_still_has_no_fastest_run(length: str, where: str) -> None:
+    with pytest.raises(InputError, match=f'path: it stands still at s = {where}'):
+        fastest(guided(length), {'guide': 1.0}, length=1.0, pieces=100)
 
 
 def test_efforts_are_applied_to_simulations_only() -> None:

@@ -21,6 +21,9 @@ from alf_ros.studies.gradients.observed_number import ObservedNumber
 
 _MEMORY = 256e6  # bytes for the steps of a leg
 _INNER = 16  # steps of an adaptive method for one of the grid, at first
+# of the step of the grid, and of t: so near before an instant of the grid a step may end that ends
+# there, if a kink over time is there (kernel/kinks_over_time.py)
+_SAME, _ROUNDED = 2e-12, 1e-14
 
 
 class TapedRun(RunOfLegs):
@@ -75,8 +78,9 @@ class TapedRun(RunOfLegs):
         """How many of the written steps lie before a step of the grid."""
         if step == leg.state.step:
             return 0
-        ends = self._adjoint.ends()
-        return int(np.searchsorted(ends, step * self._simulation.h)) + 1
+        ends, h = self._adjoint.ends(), self._simulation.h
+        at = step * h
+        return int(np.searchsorted(ends, at - _SAME * h - _ROUNDED * at)) + 1
 
     # ----------------------------------------------------------------------------------- back
 

@@ -28,7 +28,6 @@ _JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStampe
 _STRING = 'std_msgs/msg/String'
 _NS = 1e-9  # s
 _DAY = 86_400_000_000_000  # ns: inputs that far from all measurements have another clock
-_COMPRESSED = '.zstd'  # what rosbag2 adds to the name of a file that it compresses
 _LATE = 10  # messages that may overtake one; stamps that go back further are of another run
 
 
@@ -273,17 +272,9 @@ class _Reader:
 
 def _parts(path: Path) -> list[Path]:
     """The MCAP files. Raises InputError, also if one of them is of another recording."""
-    names = [each.name for each in (path.glob('*') if path.is_dir() else [path])]
-    if not any(name.endswith('.mcap') for name in names):
-        if any(name.endswith(('.db3', f'.db3{_COMPRESSED}')) for name in names):
-            expected = 'MCAP: `ros2 bag convert` makes it'
-            raise InputError('a recording in SQLite', file=str(path), expected=expected)
-        if any(name.endswith(f'.mcap{_COMPRESSED}') for name in names):
-            expected = 'files that `zstd -d` made .mcap again'
-            raise InputError('a recording in compressed files', file=str(path), expected=expected)
     files = log.parts(path)
     try:
-        listed = {name.removesuffix(_COMPRESSED) for name in log.listed(path)}
+        listed = {name.removesuffix(log.COMPRESSED) for name in log.listed(path)}
     except InputError:  # which `log.absent` says
         return files
     for file in files:

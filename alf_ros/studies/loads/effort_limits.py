@@ -40,18 +40,20 @@ class EffortLimits:
         reach = np.zeros((count + 1, 2))
         reach[-1] = last
         for k in range(count - 1, -1, -1):
-            low, high = self._controllable(k, *reach[k + 1])
+            with np.errstate(over='ignore'):  # to an infinite speed, which is no bound
+                low, high = self._controllable(k, *reach[k + 1])
             if not max(low, 0.0) <= high:
                 return np.zeros(0), k
             reach[k] = max(low, 0.0), high
         x = np.zeros(count + 1)
         x[0] = first
-        noise = _ROUNDED * float(reach[np.isfinite(reach)].max(initial=0.0))
-        if not reach[0, 0] - noise <= first <= reach[0, 1] + noise:
-            return np.zeros(0), 0
         for k in range(count):
             most = self._most(k, x[k])
             x[k + 1] = np.clip(x[k] + 2.0 * self.way * most, *reach[k + 1])
+        # beside the speeds of the run: what can be reached backwards grows without bound with drag
+        noise = _ROUNDED * float(x[np.isfinite(x)].max())
+        if not reach[0, 0] - noise <= first <= reach[0, 1] + noise:
+            return np.zeros(0), 0
         return x, -1
 
     def _rows(self, k: int) -> tuple[Floats, Floats, Floats]:

@@ -13,6 +13,8 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import by_name, is_number, number, texts, whole
+from alf_ros.simulation.packed_effects import kinds_of
+from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.loads.driven_motion import Carrier, moving, undriven
 from alf_ros.studies.loads.effort_limits import EffortLimits
 from alf_ros.studies.loads.inverse_dynamics import InverseDynamics, Motion
@@ -24,6 +26,10 @@ _PIECES, _MOST = 1000, 100_000
 _AGREED = 1e-9  # of the largest speed: forces of the speed no longer change it
 _ROUNDS = 60
 _ROUNDED = 1e-12  # of the limits: forces of the speed that count as none
+_STANDING = 1e-12  # of the largest speed along the path: it stands still
+_LATER = (0.1234, 1.618)  # s, after which a force that depends on time has another value
+_BESIDE = 1e-3  # of a speed: others, for the slope of forces of the speed
+_TIMED = 'forces that depend on time have no fastest run'
 _AT = 1e-6  # of the range of an effort within which it is at its limit
 
 
@@ -90,6 +96,7 @@ def fastest(
             key='without',
             expected='the names of its effects',
         )
+    _check_without_time(bare)
     solver, carrier = InverseDynamics(bare, names, 'limits'), Carrier(simulation, bare)
     way = length / count
     middle = [(k + 0.5) * way for k in range(count)]
@@ -130,6 +137,28 @@ def _limits(given: Mapping[str, float | Sequence[float]]) -> tuple[list[str], Fl
     return names, np.array(low), np.array(high)
 
 
+def _check_without_time(bare: Simulation) -> None:
+    """Raises InputError for forces and joints that say themselves how they depend on time."""
+    model = bare.model
+    names = [joint.name for joint in model.mechanism.joints if joint.motion]
+    names += [
+        effect.label
+        for effect in bare.applied.effects
+        if any(kind.packed.instants.size for kind in kinds_of((effect,), model.layout))
+    ]
+    if names:
+        raise InputError(_TIMED, key='path', value=', '.join(names))
+
+
+def _check_that_it_moves(along: Motion) -> None:
+    """Raises InputError for a path that stands still: nothing limits the speed there."""
+    speeds = np.abs(along.qd).max(axis=1)
+    still = speeds <= _STANDING * float(speeds.max())
+    if still.any():
+        where = f's = {along.t[still][0]:.6g}'
+        raise InputError(f'it stands still at {where}, where nothing limits the speed', key='path')
+
+
 def _timed(along: Motion, rate: Floats, bend: Floats) -> Motion:
     """The path with ṡ and s̈ (N,)."""
     qd = along.qd * rate[:, None]
@@ -166,35 +195,55 @@ def _speeds(
 ) -> tuple[Floats, Floats, Floats]:
     """x = ṡ² (N + 1,) at the ends of the pieces; efforts (N, a) for a unit of s̈, and the rest of
     the efforts, in their middle. Forces that depend on the speed come from the last round."""
+    _check_that_it_moves(along)
     s, still, one = along.t, np.zeros(along.t.size), np.ones(along.t.size)
     at_rest = _efforts(solver, along, still, still)
-    later = _efforts(solver, replace(along, t=s + 1.0), still, still)
-    if not np.array_equal(later, at_rest, equal_nan=True):
-        raise InputError('forces that depend on time have no fastest run', key='path')
+    for more in _LATER:
+        later = _efforts(solver, replace(along, t=s + more), still, still)
+        if not np.array_equal(later, at_rest, equal_nan=True):
+            raise InputError(_TIMED, key='path')
     sizes = np.abs(limits).max(axis=0)
     inertial = replace(along, qd=np.zeros_like(along.qd))
     by_square = _efforts(solver, inertial, one, still) - at_rest  # q̈ = q'' ṡ² alone
     m = _everywhere(s, _efforts(solver, along, still, one) - at_rest, sizes)
     g, c = _everywhere(s, at_rest, sizes), _everywhere(s, by_square, sizes)
+
+    def drag_at(rate: Floats) -> Floats:
+        moving_at = _efforts(solver, along, rate, still)
+        return _everywhere(s, moving_at - at_rest - by_square * (rate**2)[:, None], sizes)
+
+    # drag + slope (x - rate²): linear in x, which is exact for a quadratic drag
     rate: Floats = still
+    held: Floats = still  # the last speeds whose drag the limits could hold
     drag, part, change = np.zeros_like(g), 1.0, np.inf
+    slope: Floats = np.zeros_like(g)
     for _ in range(_ROUNDS):
-        x, where = EffortLimits(way, m, c, g + drag, *limits).fastest(0.0, 0.0)
-        if where >= 0:
+        rest = g + drag - slope * (rate**2)[:, None]
+        x, where = EffortLimits(way, m, c + slope, rest, *limits).fastest(0.0, 0.0)
+        if where >= 0 and not rate.any():
             raise InputError(
                 f'the limits cannot hold the path at s = {s[where]:.6g}', key='limits'
             )
-        found = np.sqrt(0.5 * (x[1:] + x[:-1]))
-        before, change = change, float(np.abs(found - rate).max())
-        if change <= _AGREED * float(found.max()):
-            return x, m, g + drag + c * (found**2)[:, None]
-        if change > 0.7 * before:
-            part = max(0.1, 0.7 * part)
-        rate = found if not rate.any() else rate + part * (found - rate)
-        moving_at = _efforts(solver, along, rate, still)
-        drag = _everywhere(s, moving_at - at_rest - by_square * (rate**2)[:, None], sizes)
+        if where >= 0:
+            rate = 0.5 * (held + rate)  # so fast that the drag exceeds the limits
+        else:
+            if not np.isfinite(x).all():
+                where = int(np.argmin(np.isfinite(x[1:])))
+                raise InputError(f'nothing limits the speed at s = {s[where]:.6g}', key='path')
+            found = np.sqrt(0.5 * (x[1:] + x[:-1]))
+            before, change = change, float(np.abs(found - rate).max())
+            if change <= _AGREED * float(found.max()):
+                return x, m, rest + (c + slope) * (found**2)[:, None]
+            if change > 0.7 * before:
+                part = max(0.1, 0.7 * part)
+            held = rate
+            rate = found if not rate.any() else rate + part * (found - rate)
+        drag = drag_at(rate)
         if np.abs(drag).max() <= _ROUNDED * float(sizes.max()):
             return x, m, g + c * (rate**2)[:, None]
+        ways = 4.0 * _BESIDE * rate**2
+        rise = drag_at((1.0 + _BESIDE) * rate) - drag_at((1.0 - _BESIDE) * rate)
+        slope = np.divide(rise, ways[:, None], out=np.zeros_like(g), where=ways[:, None] > 0.0)
     raise InputError('forces that depend on the speed do not settle', key='path')
 
 
