@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel.constraints import times_jacobian
 from alf_ros.kernel.data import NOTHING
-from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.data.closing import FACTORED, Closing
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
@@ -63,7 +63,7 @@ def is_left(closing: Closing) -> bool:
     Newton's method has ended at q last: the factor is the one where its last correction began.
     """
     work = closing.work
-    if closing.counts[3] == 0:
+    if closing.counts[FACTORED] == 0:
         linearise(closing.unit, closing.tight, work, work.q)
     _find_mode(closing, closing.mode)
     motions, images = 0.0, 0.0

@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros.kernel.branch_change import begin_mode
 from alf_ros.kernel.constraints import jacobian, times_jacobian
 from alf_ros.kernel.data import NOTHING
-from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.data.closing import CALLS, FACTORED, Closing
 from alf_ros.kernel.line_tracking import go_along, leads_past
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
@@ -53,7 +53,7 @@ def _leads_across(closing: Closing) -> float:
     for a in range(n):
         closing.other[a] = closing.line[a] + across * closing.mode[a]
     copy(closing.line, work.q)
-    closing.counts[3] = 0
+    closing.counts[FACTORED] = 0
     return abs(across) * largest(closing.mode, n)
 
 
@@ -79,7 +79,7 @@ def is_guess(closing: Closing, way: float) -> bool:
     way: the way to `ahead`, where the motion led, 0 if nothing is known of it.
     """
     work, n, size = closing.work, closing.ahead.size, closing.tight.size
-    if closing.counts[0] == 0:  # a motion begins on the branch of its start
+    if closing.counts[CALLS] == 0:  # a motion begins on the branch of its start
         return False
     off = furthest(work.q, closing.ahead if way > 0.0 else closing.q, n)
     if not STEADY * way < off <= LEAP * size:
@@ -89,7 +89,7 @@ def is_guess(closing: Closing, way: float) -> bool:
     guess = _meets_another(closing, _REACH * max(off, way))
     copy(closing.line, work.q)
     copy(closing.line_turns, closing.turned)
-    closing.counts[3] = 0
+    closing.counts[FACTORED] = 0
     return guess
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel.branch_change import begin_mode, is_left
 from alf_ros.kernel.data import EPS, NOTHING
-from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.data.closing import CROSSES, LEAST, SHARPEST, Closing
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.posture_newton import begin_at, count, put_values, settle, sharpness
@@ -72,9 +72,9 @@ def is_regular(closing: Closing, start: Floats, off: float) -> bool:
     is small, A⁻¹ shows s: it leaves a part 1 / (1 + s²) of a motion in that mode.
     """
     sharp = sharpness(closing)
-    closing.trail[1] = max(closing.trail[1], sharp)
-    closing.trail[5] = min(closing.trail[5], sharp)
-    if sharp >= closing.trail[1] + _BLUNT:
+    closing.trail[SHARPEST] = max(closing.trail[SHARPEST], sharp)
+    closing.trail[LEAST] = min(closing.trail[LEAST], sharp)
+    if sharp >= closing.trail[SHARPEST] + _BLUNT:
         return True
     work, n, system = closing.work, closing.ahead.size, closing.tight
     zero(work.delta)
@@ -214,7 +214,7 @@ def _beside(closing: Closing, s: float, w: float, closer: float, first: bool) ->
         if not _land(closing, 1.0 + at, True):
             return -1.0
         if j == 0 or j == 3:
-            sides += 0.5 * np.exp(sharpness(closing) - closing.trail[1])
+            sides += 0.5 * np.exp(sharpness(closing) - closing.trail[SHARPEST])
         for a in range(n):
             closing.places[(4 + j) * n + a] = closing.work.q[a]
     for i in range(4 * n):
@@ -241,8 +241,8 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
         return False
     _interpolate(closing, 0.0)
     sound = _land(closing, 1.0, False)
-    if np.exp(sharpness(closing) - closing.trail[1]) < _CROSSED * sides:
-        closing.trail[2] = 1.0
+    if np.exp(sharpness(closing) - closing.trail[SHARPEST]) < _CROSSED * sides:
+        closing.trail[CROSSES] = 1.0
     level, closer = 0, _CLOSER * w
     for _ in range(_TRIES):
         sound = sound and is_regular(closing, closing.before, _NEAR * w * way)
@@ -255,7 +255,7 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
         _interpolate(closing, 0.0)
         sound = _land(closing, 1.0, False)
     _interpolate(closing, 0.0)
-    crossing = closing.trail[2] > 0.0
+    crossing = closing.trail[CROSSES] > 0.0
     if not (_land(closing, 1.0, False) or _land(closing, 1.0, True)) and crossing:
         for a in range(n):
             work.q[a] = closing.guess[a]
@@ -301,7 +301,7 @@ def go_along(closing: Closing, hasty: bool) -> float:
     widest, again, exactly, fine = h, True, False, 0
     known, skips = _carried(closing), 0
     wider = _WIDE / reach if reach > 0.0 else 0.0
-    closing.trail[2], closing.trail[5] = 0.0, np.inf
+    closing.trail[CROSSES], closing.trail[LEAST] = 0.0, np.inf
     begin_mode(closing, closing.before)
     while s < 1.0:
         strict = h > _FINE * widest

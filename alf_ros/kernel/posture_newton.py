@@ -13,7 +13,7 @@ from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.kernel.augmented_solve import finish
 from alf_ros.kernel.constraints import add_transposed, violation
 from alf_ros.kernel.data import EPS, EVERY_MODE, System, Work
-from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.data.closing import CORRECTIONS, FACTORED, Closing
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import packed, put
@@ -118,7 +118,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
     unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
     size, n = system.size, work.p.size
     best, fraction, first, slow = np.inf, 1.0, True, exactly
-    counts[3] = 0
+    counts[FACTORED] = 0
     for _ in range(_ROUNDS):
         gap = opening(unit, system, work)
         if gap <= _CLOSED * EPS * size:
@@ -141,8 +141,8 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
                 for a in range(n):
                     way[a] = fraction * work.target[a]
                 first = False
-            counts[1] += 1
-            counts[3] += 1
+            counts[CORRECTIONS] += 1
+            counts[FACTORED] += 1
         else:
             fraction *= 0.5
             if fraction < _SHORTEST:
@@ -159,7 +159,7 @@ def sharpness(closing: Closing) -> float:
     where that vanishes: half the logarithm of det A, where the last correction
     began."""
     unit, system, work = closing.unit, closing.tight, closing.work
-    if closing.counts[3] == 0:
+    if closing.counts[FACTORED] == 0:
         linearise(unit, system, work, work.q)
     D = len(unit)
     product, logarithm = 1.0, 0.0

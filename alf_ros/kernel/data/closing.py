@@ -10,6 +10,16 @@ from alf_ros.kernel.data.system import System
 from alf_ros.kernel.data.work import Work
 from alf_ros.kernel.numba_ext.structs import Struct
 
+# `Closing.counts`: calls in the motion so far; corrections in the last call; which candidate it
+# took; corrections of the last candidate or step, 0 if no factor belongs to it; 1 once the branch
+# is a guess
+CALLS, CORRECTIONS, TAKEN, FACTORED, GUESS = 0, 1, 2, 3, 4
+AHEAD, ALONG, BEYOND = 0, 1, 2  # of TAKEN; the last: as far as the line reaches
+# `Closing.trail`: correction of the last call, m; largest sharpness so far; 1 if the line ends
+# beside a position where branches cross, or 0; sharpness of the last call, and of the one before;
+# least sharpness on the last line
+MISSED, SHARPEST, CROSSES, SHARP, SHARP_BEFORE, LEAST = 0, 1, 2, 3, 4, 5
+
 
 @dataclass(frozen=True, eq=False)
 class Closing(Struct):
@@ -34,8 +44,7 @@ class Closing(Struct):
     turns: Integers  # (angles,) of the posture
     turned: Integers  # (angles,) on the way
     other_turns: Integers  # (angles,) of the other candidate
-    counts: Integers  # (5,) calls in the motion so far; corrections in the last call; which
-    # candidate it took; corrections of the last candidate or step; 1 once the branch is a guess
+    counts: Integers  # (5,), see above
     q: Floats  # (all blocks D,) the posture
     other: Floats  # (all blocks D,) a candidate
     before: Floats  # (all blocks D,) where a step on the way began
@@ -54,9 +63,7 @@ class Closing(Struct):
     stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed
     mode: Floats  # (all blocks D,) the softest mode of Φ_q where a step began
     image: Floats  # (rows,) its unit image
-    trail: Floats  # (6,) m: correction of the last call; largest sharpness so far; 1 if the line
-    # ends beside a position where branches cross, or 0; sharpness of the last call, and before;
-    # least sharpness on the last line
+    trail: Floats  # (6,), see above
     held: Floats  # (all blocks D,) the last posture away from dead points
     held_turns: Integers  # (angles,) of it
     held_at: Floats  # (active,) values where it is, rad or m

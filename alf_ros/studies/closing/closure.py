@@ -12,7 +12,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError, StepError
 from alf_ros.kernel import integral_values
-from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.data.closing import CALLS, GUESS, SHARP, SHARP_BEFORE, SHARPEST, Closing
 from alf_ros.kernel.loop_closing import close_loops, close_table
 from alf_ros.kernel.posture_rates import linearise_posture, rate_matrix, rates_at
 from alf_ros.model.compile import allocate
@@ -91,7 +91,7 @@ class Closure:
     @property
     def ambiguous(self) -> bool:
         """Whether the branch is a guess, as `Posture.ambiguous` of the last posture."""
-        return bool(self._closing.counts[4])
+        return bool(self._closing.counts[GUESS])
 
     @by_one_thread
     def restart(self) -> None:
@@ -123,11 +123,11 @@ class Closure:
         closing.wanted[:] = wanted
         long_ago = ratio > _MOST_RATIO  # too long to say where the motion leads
         if long_ago:
-            closing.counts[0] = min(closing.counts[0], 1)
-            closing.counts[4] |= self._is_beside(_FEW)
+            closing.counts[CALLS] = min(closing.counts[CALLS], 1)
+            closing.counts[GUESS] |= self._is_beside(_FEW)
         close_loops(closing, ratio)
         if long_ago:
-            closing.counts[4] |= self._is_beside(0.0)
+            closing.counts[GUESS] |= self._is_beside(0.0)
         self._calls += 1
         missed = float(np.abs(closing.values[closing.active] - wanted).max())
         qd = np.zeros_like(closing.q)
@@ -205,8 +205,8 @@ class Closure:
         closing = self._closing
         if (closing.held != closing.q).any():
             return True
-        largest = closing.trail[1]
-        now, before = (math.exp(min(x, largest) - largest) for x in closing.trail[3:5])
+        largest, *last = (closing.trail[n] for n in (SHARPEST, SHARP, SHARP_BEFORE))
+        now, before = (math.exp(min(x, largest) - largest) for x in last)
         return now < max(_SOFT, calls * (before - now))
 
     def _numbers(self, given: Mapping[str, float], key: str, least: float = -math.inf) -> Floats:
@@ -305,7 +305,7 @@ class Closure:
         # an angle that gears or threads count is in the same position after several turns only
         turns = _TURNS if reader.is_angle[n] and reader.work.sums.size else 1
         for _ in range(turns):
-            reader.counts[0] = 0  # no motion: it stays on this side of all dead points
+            reader.counts[CALLS] = 0  # no motion: it stays on this side of all dead points
             reader.wanted[:] = reader.asked
             reader.wanted[n] += sign * way
             if close_loops(reader, 1.0) < 1.0:

@@ -61,11 +61,12 @@ class Ensemble:
     ) -> None:
         self.steps = check.whole(steps, 'steps', 1)
         loaded = scene if isinstance(scene, Scene) else load_scene(scene)
-        self._varied, names = vary is not None, []
+        self._varied = vary is not None
+        drawn: list[str] = []
         if vary is not None:
             given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling)
             count = check.whole(given.members, 'members', 1, MOST_MEMBERS)
-            names = [name for name, _ in given.vary]
+            drawn = [name for name, _ in given.vary]
             scenes = [given.scene_of(k) for k in range(count)]
             self._members = [Simulation(each, **settings) for each in scenes]
         else:
@@ -84,7 +85,7 @@ class Ensemble:
         self._efforts = np.zeros((len(self._members), len(self.inputs)))
         self._together = self._side_by_side()
         if self._together.patterns > 1:
-            raise InputError(_DIFFER, key='vary', value=names)
+            raise InputError(_DIFFER, key='vary', value=drawn)
         self._failed: dict[int, str] = {}
         for each in self._members:
             for name in self.inputs:
