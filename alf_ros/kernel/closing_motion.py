@@ -1,4 +1,4 @@
-"""The motion of a closing so far: where it leads, and the posture from which it may go on.
+"""The motion of a closing so far: where it leads, and the posture held for a later line.
 
 q is extrapolated with the velocity and the curvature of the last calls, and corrected by Newton's
 method: that is the candidate ahead (`loop_closing`). The posture held is the last one away from
