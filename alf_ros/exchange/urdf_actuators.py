@@ -3,19 +3,22 @@
 Both name joints and interfaces, not gains: a motor on such a joint has the effort limit of the
 joint, and applies no force until a scene or a topic commands one. As in ros_control and
 ros2_control, commands and limits belong to the joint. A reduction n gives the joint n times the
-effort of the motor before it; it changes no command here, and is listed.
+effort of the motor before it; it changes no command here, and is listed. In files of Drake the
+joint feels the inertia of a rotor times the square of the reduction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
+from collections.abc import Collection, Container, Iterable, Iterator
 from xml.etree import ElementTree
 
+from alf_ros.exchange import urdf_numbers
 from alf_ros.exchange.robot import Actuator, Robot
 from alf_ros.scene.text.decimal_numbers import decimal
 
 _REDUCTIONS = ('mechanicalReduction', 'mechanical_reduction', 'gear_ratio')
 _ROTORS = ('motorInertia', 'rotor_inertia')
+_DRAKE = ('http://drake.mit.edu', 'undeclared:drake')
 _CONSTANTS = ('motorTorqueConstant', 'motor_torque_constant')  # N m per ampere
 _ENDS = ('min', 'max')  # of commands
 
@@ -32,8 +35,45 @@ def initial_positions(xml: ElementTree.Element) -> dict[str, list[ElementTree.El
     return found
 
 
-def leave(robot: Robot, xml: ElementTree.Element, mimics: Container[str]) -> None:
-    """Note their other contents; `mimics`: joints that mimic others already."""
+def armatures(robot: Robot, xml: ElementTree.Element) -> dict[str, float]:
+    """The inertia of rotors as their joints feel it, kg m^2 or kg, where the file states it as
+    Drake does. Raises InputError for what is no such number."""
+    found: dict[str, float] = {}
+    for transmission in xml.findall('transmission'):
+        joints = [joint.get('name', '') for joint in transmission.findall('joint')]
+        for actuator in transmission.findall('actuator'):
+            inertia = _of_drake(robot, actuator, 'rotor_inertia')
+            if inertia is not None and len(joints) == 1:
+                ratio = _of_drake(robot, actuator, 'gear_ratio')
+                felt = inertia * (1.0 if ratio is None else ratio**2)
+                found[joints[0]] = found.get(joints[0], 0.0) + felt
+    return found
+
+
+def _of_drake(robot: Robot, actuator: ElementTree.Element, name: str) -> float | None:
+    """The value of an element of Drake in an actuator, or None. Raises InputError."""
+    tags = [f'{{{of}}}{name}' for of in _DRAKE]
+    at = next((each for each in actuator if each.tag in tags), None)
+    value = None if at is None else at.get('value')
+    if value is None:
+        return None
+    fault, expected = urdf_numbers.fault(value, 1), 'a number'
+    if fault is None and name == 'rotor_inertia' and decimal(value) < 0.0:
+        fault, expected = 'negative', '0 or more'
+    if fault is not None:
+        key = f'actuator {actuator.get("name", "")}: drake:{name}'
+        raise robot.error(key, fault, at, value=value, expected=expected)
+    return decimal(value)
+
+
+def leave(
+    robot: Robot,
+    xml: ElementTree.Element,
+    mimics: Container[str],
+    with_rotors: Collection[str],
+) -> None:
+    """Note their other contents; `mimics`: joints that mimic others already; with_rotors: joints
+    that have their `armatures`."""
     for joint in xml.findall('ros2_control/joint'):
         name = joint.get('name', '')
         if any(each.get('name') == 'mimic' for each in joint.findall('param')):
@@ -50,13 +90,15 @@ def leave(robot: Robot, xml: ElementTree.Element, mimics: Container[str]) -> Non
                 robot.leave('limits of commands', name)
     for transmission in (*xml.findall('transmission'), *xml.findall('ros2_control/transmission')):
         names = [joint.get('name', '') for joint in transmission.findall('joint')]
-        tags = {each.tag.rpartition('}')[2] for each in transmission.iter()}
+        counted = len(names) == 1 and names[0] in with_rotors
+        told = [each for each in transmission.iter() if not (counted and _is_of_drake(each))]
+        tags = {each.tag.rpartition('}')[2] for each in told}
         for name in names:
             _leave_of_motors(robot, name, tags)
-        reduced = [text for text in _reductions(transmission) if not _is_one(text)]
+        reduced = [text for text in _reductions(told) if not _is_one(text)]
         if reduced:
-            told = f'{", ".join(names)} by {", ".join(reduced)}'
-            robot.leave('reductions of transmissions', told)
+            by = f'{", ".join(names)} by {", ".join(reduced)}'
+            robot.leave('reductions of transmissions', by)
 
 
 def _leave_of_motors(robot: Robot, joint: str, told: Container[str]) -> None:
@@ -69,9 +111,13 @@ def _leave_of_motors(robot: Robot, joint: str, told: Container[str]) -> None:
             robot.leave(kind, joint)
 
 
-def _reductions(transmission: ElementTree.Element) -> Iterator[str]:
-    """The reductions of its joints and actuators, as they are written."""
-    for each in transmission.iter():
+def _is_of_drake(element: ElementTree.Element) -> bool:
+    return element.tag.rpartition('}')[0].removeprefix('{') in _DRAKE
+
+
+def _reductions(elements: Iterable[ElementTree.Element]) -> Iterator[str]:
+    """The reductions among the elements of a transmission, as they are written."""
+    for each in elements:
         tag = each.tag.rpartition('}')[2]
         if tag in _REDUCTIONS:
             yield (each.text or each.get('value') or '').strip()

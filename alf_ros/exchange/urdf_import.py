@@ -143,6 +143,7 @@ class UrdfReader:
         self.part_of = self.robot.add_links(parts, self.part_of)
         masses = {name: part.mass for name, part in parts.items()}
         self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml, self.error))
+        self._armatures = urdf_actuators.armatures(self.robot, self.xml)
         in_rows = {each for row in self._balls.values() for each in row}
         in_rows |= {slide for _, slide in self._screws.values()}
         for joint in self.urdf.joints:
@@ -157,7 +158,8 @@ class UrdfReader:
             if joint.type in _MOVES
         }
         urdf_actuators.add(self.robot, self.xml, limits)
-        urdf_actuators.leave(self.robot, self.xml, self.mimics)
+        moved = {each.name for each in self.robot.connections} & set(limits)
+        urdf_actuators.leave(self.robot, self.xml, self.mimics, self._armatures.keys() & moved)
         urdf_visuals.add(self.robot, self.xml, path.parent, self.poses, self.part_of)
         self._leave()
 
@@ -361,6 +363,7 @@ class UrdfReader:
                 float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
                 friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
                 pitch=pitch,
+                armature=self._armatures.get(joint.name, 0.0),
             ),
             at=self._at('joint', joint.name),
         )

@@ -65,7 +65,7 @@ def checked(part: ElementTree.Element, path: Path) -> None:
                 continue
             if attribute == 'damping' and part.get('type') == 'planar' and len(given.split()) > 1:
                 count = 3  # one of each freedom, as Drake has it
-            message = _fault(given, count)
+            message = fault(given, count)
             if message is not None:
                 raise InputError(
                     message,
@@ -76,7 +76,7 @@ def checked(part: ElementTree.Element, path: Path) -> None:
                 )
 
 
-def _fault(given: str, count: int) -> str | None:
+def fault(given: str, count: int) -> str | None:
     """The fault of a text of so many numbers; None without one."""
     words = given.split()
     try:

@@ -8,6 +8,7 @@ M q̈ = τ - bias + Jᵀ λ, J q̈ = -J̇ q̇.
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -218,6 +219,52 @@ def test_motors_of_a_urdf(tmp_path: Path) -> None:
         assert found['joint_friction'].load == 0.3 and found['joint_friction'].dynamic == 1.0
         assert ('gains of actuators' in text) == gains
         assert ('one at 0.4, two at 0.9' in text) == gains
+
+
+def geared(name: str, inertia: str, ratio: str) -> str:
+    """A double pendulum with a rotor at the shoulder, as Drake states it."""
+    return robots.double_pendulum().replace(
+        '</robot>',
+        f"""<transmission><type>SimpleTransmission</type><joint name="shoulder"/>
+<actuator name="{name}"><drake:rotor_inertia value="{inertia}"/>
+<drake:gear_ratio value="{ratio}"/></actuator></transmission></robot>""",
+    )
+
+
+def test_a_rotor_of_drake_is_felt_by_the_square_of_its_reduction(tmp_path: Path) -> None:
+    """q̈ of the double pendulum at rest, against its own mass matrix with J n² added."""
+    text = imported(saved(tmp_path, 'it.urdf', geared('m', '2e-5', '-150')), scene=True)
+    assert 'rotors of transmissions' not in text and 'reductions of transmissions' not in text
+    rotor, m1, m2, l1, l2, g = 2e-5 * 150.0**2, 1.0, 1.0, 1.0, 0.8, 9.81
+    # the lower bar is at right angles to the upper one, which is drawn along x
+    M = np.array(
+        [
+            [m1 * l1**2 / 3 + m2 * (l1**2 + l2**2 / 3) + rotor, m2 * l2**2 / 3],
+            [m2 * l2**2 / 3, m2 * l2**2 / 3],
+        ]
+    )
+    exact = np.linalg.solve(M, [-g * (m1 * l1 / 2 + m2 * l1), 0.0])
+    h = 1e-4
+    simulation = simulate(text)
+    simulation.step(round(h / simulation.h) or 1)
+    joints, t = simulation.sample().joints, simulation.t
+    found = [joints[name].velocity / t for name in ('shoulder', 'elbow')]
+    assert found == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ('inertia', 'ratio', 'said'),
+    [
+        ('-1', '2', 'actuator m: drake:rotor_inertia: negative, got '-1'; expected 0 or more'),
+        ('1', 'x', "actuator m: drake:gear_ratio: not a number, got 'x'"),
+        ('inf', '2', 'actuator m: drake:rotor_inertia: not a usable number'),
+    ],
+)
+def test_a_rotor_of_drake_that_cannot_be(
+    inertia: str, ratio: str, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=re.escape(said)):
+        imported(saved(tmp_path, 'it.urdf', geared('m', inertia, ratio)))
 
 
 @pytest.mark.parametrize(
