@@ -37,7 +37,7 @@ def initial_positions(xml: ElementTree.Element) -> dict[str, list[ElementTree.El
 
 def armatures(robot: Robot, xml: ElementTree.Element) -> dict[str, float]:
     """The inertia of rotors as their joints feel it, kg m^2 or kg, where the file states it as
-    Drake does. Raises InputError for what is no such number."""
+    Drake does. Raises InputError for a value that is no such number."""
     found: dict[str, float] = {}
     for transmission in xml.findall('transmission'):
         joints = [joint.get('name', '') for joint in transmission.findall('joint')]

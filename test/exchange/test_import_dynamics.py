@@ -255,7 +255,7 @@ def test_a_rotor_of_drake_is_felt_by_the_square_of_its_reduction(tmp_path: Path)
 @pytest.mark.parametrize(
     ('inertia', 'ratio', 'said'),
     [
-        ('-1', '2', 'actuator m: drake:rotor_inertia: negative, got '-1'; expected 0 or more'),
+        ('-1', '2', "actuator m: drake:rotor_inertia: negative, got '-1'; expected 0 or more"),
         ('1', 'x', "actuator m: drake:gear_ratio: not a number, got 'x'"),
         ('inf', '2', 'actuator m: drake:rotor_inertia: not a usable number'),
     ],
