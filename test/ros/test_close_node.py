@@ -15,12 +15,14 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import ListParameters
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from alf_ros import Closure, InputError
 from alf_ros.ros.closing.active_input import ActiveInput, renamed
 from alf_ros.ros.closing.closing_messages import WARN, joint_state
+from alf_ros.ros.messages.topics import BEST_EFFORT, RELIABLE
 from support.forked import ended, started
 from support.paths import ROOT
 from support.ros_node import LIMIT, SPEAKS, START_LIMIT, Peer, stacks
@@ -261,6 +263,30 @@ def test_a_remapped_node_says_where_it_listens(tmp_path: Path, peer: Peer) -> No
         peer.until(lambda: joints, 'a posture')
         assert node.stop() == 0, node.output
         assert 'active ones on /left/encoders' in node.output
+
+
+@pytest.mark.parametrize(
+    ('topic_type', 'qos', 'said'),
+    [
+        (JointState, BEST_EFFORT, 'one publisher there is best effort, and only reliable ones'),
+        (Float64MultiArray, RELIABLE, 'sends std_msgs/msg/Float64MultiArray, not sensor_msgs/msg'),
+    ],
+)
+def test_a_publisher_that_is_not_heard_is_said(
+    topic_type: type, qos: QoSProfile, said: str, tmp_path: Path, peer: Peer
+) -> None:
+    """It said only that it waits: the mismatch was in no diagnostics."""
+    with ClosingProcess(tmp_path, '--active', 'guide'):
+        reports = peer.listen('/close/diagnostics', DiagnosticArray)
+        peer.until(lambda: reports, 'a report')
+        waits = f'waiting for guide on {INPUT}'
+        assert values(reports[-1], 'loops')[1] == waits
+        talker = peer.node.create_publisher(topic_type, INPUT, qos)
+        peer.until(lambda: said in values(reports[-1], 'loops')[1], 'the mismatch')
+        level, text, _ = values(reports[-1], 'input')
+        assert level == WARN and text.startswith(f'{waits}; one publisher there')
+        peer.node.destroy_publisher(talker)
+        peer.until(lambda: values(reports[-1], 'loops')[1] == waits, 'its end')
 
 
 def test_names_may_be_exchanged() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from typing import Any
 
 import numpy as np
@@ -387,6 +389,79 @@ def test_a_restart_repeats_bit_for_bit(slider: Closure) -> None:
     np.testing.assert_array_equal(first, again)
 
 
+@pytest.mark.parametrize('span', [1.0, 0.001])
+def test_instants_before_a_table_do_not_time_the_call_behind_it(
+    slider: Closure, span: float
+) -> None:
+    """The first of them was taken for a tenth of a step, on the wrong side of the dead point."""
+    slider.restart()
+    for n in range(2):
+        slider.close({'guide': float(stroke(0.75 - 0.01 * n))}, t=n * span)
+    table = stroke(np.arange(0.73, 0.029, -0.05))[:, None]
+    assert slider.follow(table)[0][-1, 0] == pytest.approx(0.03, abs=1e-9)
+    for n, angle in enumerate(np.arange(-0.02, -0.3, -0.05).tolist()):
+        posture = slider.close({'guide': float(stroke(angle))}, t=span + 0.05 * (n + 1))
+        assert posture.joints['pin'] == pytest.approx(angle, abs=1e-7)
+        assert not posture.ambiguous
+
+
+def test_an_empty_table_changes_nothing() -> None:
+    closure = Closure(SLIDER_CRANK, ['guide'])
+    closure.close({'guide': 1.4}, t=1.0)
+    values, missed = closure.follow(np.zeros((0, 1)))
+    assert values.shape == (0, 3) and missed.shape == (0,)
+    with pytest.raises(InputError):
+        closure.close({'guide': 1.4}, t=1.0)
+
+
+@pytest.mark.parametrize('table', [
+    [],
+    [1.4],
+    [[1.4, 1.4]],
+    [[1.4], [1.4, 1.4]],
+    [[math.nan]],
+    [['1.4']],
+    [[True]],
+    [[None]],
+    [[10**400]],
+    [[1.4 + 1.0j]],
+    np.ma.masked_array([[1.4]], mask=[[True]]),
+    'a',
+    None,
+])  # fmt: skip
+def test_what_is_no_table_of_numbers_is_refused(slider: Closure, table: Any) -> None:
+    """Masked numbers, and the real parts of complex ones, were followed without a word."""
+    with pytest.raises(InputError) as caught:
+        slider.follow(table)
+    assert str(caught.value) == 'table: not a table; expected rows of 1 finite numbers'
+
+
+def test_numbers_of_any_kind_make_a_table(slider: Closure) -> None:
+    tables: list[Any] = [[[1]], np.ones((1, 1), dtype=np.float32), np.ones((1, 1), dtype=object)]
+    assert [slider.follow(table)[0][0, 2] for table in tables] == pytest.approx([1.0] * 3)
+
+
+def test_the_row_that_is_too_far_is_named(slider: Closure) -> None:
+    """It named the value of the last row."""
+    with pytest.raises(InputError) as caught:
+        slider.follow([[1.4], [1e9], [1.3]])
+    assert str(caught.value) == 'guide: too far away, got 1000000000.0'
+
+
+@pytest.mark.parametrize('copied', [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_motion_has_no_copy(slider: Closure, copied: Any) -> None:
+    """Calls of a copy moved the original as well."""
+    with pytest.raises(TypeError, match='make another one of its scene'):
+        copied(slider)
+
+
+def test_a_negative_noise_is_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        Closure(SLIDER_CRANK, ['guide'], noise=-1.0)
+    said = 'noise.guide: not usable, got -1.0; expected a finite number, 0 or more'
+    assert str(caught.value) == said
+
+
 REFUSED = {
     'unknown': (['giude'], "active: no such joint coordinate, got 'giude'; did you mean 'guide'?"),
     'none': ([], 'active: no joint is active; known: pin, knee, guide'),
@@ -427,6 +502,50 @@ def test_bodies_are_named_where_no_joint_is_left() -> None:
     with pytest.raises(InputError) as caught:
         Closure(beside, ['pin'])
     assert 'active: 3 freedoms are left: body plate would still be free' in str(caught.value)
+
+
+def test_a_joint_that_moves_in_the_dead_point_only_is_not_left_free() -> None:
+    """The rod between two balls spins; the crank, which begins in the rocker's dead point, was
+    named as free."""
+    spinning = {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {
+            'O': {'at': [0, 0, 0], 'fixed': True},
+            'A': {'at': [0.1, 0, 0]},
+            'B': {'at': [0.35, 0, 0.4]},
+            'C': {'at': [0.35, 0, 0], 'fixed': True},
+        },
+        'bodies': {
+            'arm': {'points': ['O', 'A'], 'mass': 1, 'inertia': 'rod'},
+            'rod': {
+                'points': ['A', 'B'],
+                'mass': 1,
+                'inertia': {'about_com': [0.01, 0.02, 0.02]},
+                'com': [0.2, 0, 0],
+            },
+            'swing': {'points': ['C', 'B'], 'mass': 1, 'inertia': 'rod'},
+        },
+        'joints': {
+            'crank': {
+                'type': 'revolute',
+                'between': ['ground', 'arm'],
+                'at': 'O',
+                'axis': [0, 0, 1],
+            },
+            'knee': {'type': 'spherical', 'between': ['arm', 'rod'], 'at': 'A'},
+            'wrist': {'type': 'spherical', 'between': ['rod', 'swing'], 'at': 'B'},
+            'rocker': {
+                'type': 'revolute',
+                'between': ['ground', 'swing'],
+                'at': 'C',
+                'axis': [0, -1, 0],
+            },
+        },
+    }
+    with pytest.raises(InputError) as caught:
+        Closure(spinning, ['rocker'])
+    assert str(caught.value).startswith('active: 1 freedom is left: body rod would still be free')
 
 
 def test_coupled_joints_keep_their_phase_over_turns() -> None:

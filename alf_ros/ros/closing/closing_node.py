@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import ReliabilityPolicy
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -38,6 +39,7 @@ except ImportError:  # not among the wheels: only a ROS 2 installation brings it
     TFMessage = None
 
 INPUT = 'active_joint_states'
+_INPUT_TYPE = 'sensor_msgs/msg/JointState'
 _REPORT_PERIOD = 1.0  # s, between diagnostics
 _MISSED = 1e-9  # rad or m: values are not met, if they have no noise
 _SELDOM = 20.0  # times the time that travel takes, between two messages of it
@@ -188,7 +190,16 @@ class CloseNode(Node):
         return '', ''
 
     def _waiting(self) -> str:
-        return f'waiting for {", ".join(self._input.missing)} on {self.input}'
+        return f'waiting for {", ".join(self._input.missing)} on {self.input}{self._unheard()}'
+
+    def _unheard(self) -> str:
+        """Publishers of the input that this node cannot hear, as an addition to a text."""
+        for each in self.get_publishers_info_by_topic(self.input):
+            if each.topic_type != _INPUT_TYPE:
+                return f'; one publisher there sends {each.topic_type}, not {_INPUT_TYPE}'
+            if each.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+                return '; one publisher there is best effort, and only reliable ones are heard'
+        return ''
 
     def _late(self, now: float) -> str:
         """Since when no input could be used; and why not, if there was some."""
@@ -196,7 +207,7 @@ class CloseNode(Node):
         if self._posture is None:
             return why or self._waiting()
         since = f'input for {now - self._heard:.1f} s'
-        return f'no usable {since}: {why}' if why else f'no {since}'
+        return f'no usable {since}: {why}' if why else f'no {since}{self._unheard()}'
 
     def _report(self, now: float, text: str) -> None:
         """Publish diagnostics; text: the most urgent thing, or empty."""

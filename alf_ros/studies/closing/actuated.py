@@ -105,7 +105,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
         ) from None
     before = free.model.n - (len(free.model.row_names) - free.dependent_rows)
     after = model.n - (len(model.row_names) - dependent)
-    _refuse_count(model, q, names, before, after)
+    _refuse_count(model, ordinary, names, before, after)  # in a dead point more joints move
     return Actuated(
         scene.name,
         model,

@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NoReturn
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from alf_ros.model.compile import allocate
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import found
 from alf_ros.simulation.applied import NO_INPUTS
-from alf_ros.simulation.input_checks import is_number, text, truth
+from alf_ros.simulation.input_checks import is_number, number, text, truth
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.state import State
@@ -82,6 +83,10 @@ class Closure:
         self._branch = BranchSign(self.model, self._actuated.q, self._actuated.dependent_rows)
         self.restart()
 
+    def __reduce__(self) -> NoReturn:
+        """A copy would continue the same motion: its calls would move this one as well."""
+        raise TypeError('a Closure is one motion, and has no copy: make another one of its scene')
+
     @property
     def start(self) -> dict[str, float]:
         """The active joint coordinates where the mechanism starts, rad or m."""
@@ -118,7 +123,7 @@ class Closure:
         closing = self._closing
         wanted = self._numbers(positions, 'positions')
         speeds = None if rates is None else self._numbers(rates, 'rates')
-        self._refuse_far(np.abs(wanted - closing.asked), wanted)
+        self._refuse_far(wanted[None])
         ratio, per_call = self._timed(t)
         closing.wanted[:] = wanted
         long_ago = ratio > _MOST_RATIO  # too long to say where the motion leads
@@ -154,33 +159,45 @@ class Closure:
         """Joint coordinates along a table of active values (calls, active), in one compiled call.
 
         The columns are in the order of `active`; calls are equally spaced, and continue the motion
-        so far. Returns the joint coordinates (calls, joint coordinates), in the order of
-        `joint_names`, and `missed_by` of each call (calls,). Raises InputError for a table of
-        another shape, or with numbers that are not finite.
+        so far. The next call of `close` is as far in time from the last row as the rows are from
+        each other. Returns the joint coordinates (calls, joint coordinates), in the
+        order of `joint_names`, and `missed_by` of each call (calls,). Raises InputError for a
+        table of another shape, or with values that are no finite real numbers.
         """
-        try:
-            given = np.array(table, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            given = np.zeros(0)
+        given, joints = self._table(table), len(self.joint_names)
+        values, missed = np.zeros(len(given) * joints), np.zeros(len(given))
+        self._refuse_far(given)
+        if len(given):  # an instant before these calls is none of the last call
+            self._timed(None)
+        close_table(self._closing, given.ravel(), values, missed)
+        self._calls += len(given)
+        return values.reshape(len(given), joints), missed
+
+    def _table(self, table: Sequence[Sequence[float]] | Floats) -> Floats:
+        """(calls, active) finite numbers. Raises InputError."""
         active = len(self.active)
-        if given.ndim != 2 or given.shape[1] != active or not np.isfinite(given).all():
+        try:
+            given = np.array(table)
+        except ValueError:  # rows of different lengths
+            given = np.zeros(0)
+        real = given.dtype.kind in 'iuf' or all(map(is_number, given.flat))
+        if not real or np.ma.is_masked(table) or given.shape[1:] != (active,):
+            given = np.full((1, active), math.nan)
+        given = given.astype(float)
+        if not np.isfinite(given).all():
             raise InputError(
                 'not a table', key='table', expected=f'rows of {active} finite numbers'
             )
-        values, missed = np.zeros(given.shape[0] * len(self.joint_names)), np.zeros(len(given))
-        if len(given):
-            first = np.vstack([self._closing.asked, given])
-            self._refuse_far(np.abs(np.diff(first, axis=0)).max(axis=0), given[-1])
-        close_table(self._closing, given.ravel(), values, missed)
-        self._calls += len(given)
-        return values.reshape(len(given), -1), missed
+        return given
 
-    def _refuse_far(self, way: Floats, wanted: Floats) -> None:
-        """Raise InputError for values further away than anything goes in one call."""
-        far = way / np.where(self._closing.is_angle, 1.0, self.model.size)
-        if far.max() > _FURTHEST:
-            n = int(far.argmax())
-            raise InputError('too far away', key=self.active[n], value=float(wanted[n]))
+    def _refuse_far(self, calls: Floats) -> None:
+        """Raise InputError if a call (calls, active) is further from the one before than anything
+        goes in one call."""
+        way = np.abs(np.diff(np.vstack([self._closing.asked, calls]), axis=0))
+        far = way / np.where(self._closing.is_angle, 1.0, self.model.size) > _FURTHEST
+        if far.any():
+            call, n = divmod(int(far.argmax()), len(self.active))  # the first one
+            raise InputError('too far away', key=self.active[n], value=float(calls[call, n]))
 
     def _timed(self, t: float | None) -> tuple[float, float]:
         """The time since the last call over that before, and calls per second if known, else 0."""
@@ -223,12 +240,7 @@ class Closure:
                     )
             missing = ', '.join(name for name in self.active if name not in given)
             raise InputError(f'without {missing}', key=key, expected='a number for each')
-        for name, value in given.items():
-            if not is_number(value) or value < least:
-                raise InputError(
-                    'not usable', key=f'{key}.{name}', value=value, expected='a finite number'
-                )
-        return np.array([float(given[name]) for name in self.active])
+        return np.array([number(given[name], f'{key}.{name}', least) for name in self.active])
 
     def _ways(self, state: State, at: Floats) -> Ways:
         return Ways(
