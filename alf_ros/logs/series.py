@@ -25,7 +25,8 @@ NUMERIC = (_JOINT_STATE, _WRENCHES, _NUMBER)
 
 def type_with(fields: tuple[str, ...]) -> str:
     """The type whose messages hold their numbers in these fields."""
-    return {('wrench',): _WRENCHES, ('data',): _NUMBER}.get(fields, _JOINT_STATE)
+    types = {'wrench': _WRENCHES, 'data': _NUMBER}
+    return types.get(fields[0], _JOINT_STATE)
 
 
 @dataclass(frozen=True)
