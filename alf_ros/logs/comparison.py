@@ -14,7 +14,7 @@ from alf_ros.logs import input_faults, journal, progress, provenance
 from alf_ros.logs.journal_faults import JournalFaults
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Rerun, in_order
-from alf_ros.logs.series import COMPONENTS, Series
+from alf_ros.logs.series import COMPONENTS, TEXT, Series, type_with
 from alf_ros.simulation.observables import READINGS, Reading
 from alf_ros.simulation.sample import Sample
 
@@ -119,6 +119,8 @@ class _Comparison:
         self._log = log
         self._readings = {log.topic(reading.name): reading for reading in READINGS.values()}
         self._journal = log.topic('~/inputs')
+        self._types = {topic: type_with(each.fields) for topic, each in self._readings.items()}
+        self._types[self._journal] = TEXT
         self._inputs, self._cause = JournalFaults(log.info), ''
         self._numbers: dict[str, int] = {}
         self._missing: dict[str, int] = {}
@@ -137,6 +139,7 @@ class _Comparison:
         survey = self._log.survey
         self._wrong(input_faults.unread(self._log))
         self._wrong([self._log.absent] if self._log.absent else [])
+        self._wrong(input_faults.of_types(self._log, survey.types))
         for topic in sorted(survey.counts):
             if not self._is_known(topic):
                 self._fault(f'{topic}: a topic that its run does not have')
@@ -159,6 +162,8 @@ class _Comparison:
 
     def _follow(self, series: Series, row: int) -> None:
         topic = series.topic
+        if series.type != self._types[topic]:
+            return  # one fault says so of all of them
         if topic == self._journal:
             entry = journal.entries(series)[row]
             self._wrong(self._inputs.of(series, row, entry))

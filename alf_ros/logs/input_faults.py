@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from alf_ros.errors import InputError, StepError
 from alf_ros.logs import provenance
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Rerun
-from alf_ros.logs.series import Series
+from alf_ros.logs.series import TEXT, Series, type_with
 from alf_ros.simulation import state_vector
+from alf_ros.simulation.observables import READINGS
 
 _SAYS_MORE = 'a log as it was written (`verify` says more)'
 
@@ -50,6 +51,21 @@ def of_counts(log: Log, topics: Collection[str] = ()) -> Iterator[str]:
             yield f'{topic}: {found} messages, and its index states {told}'
 
 
+def of_types(log: Log, types: Mapping[str, str]) -> Iterator[str]:
+    """Which topics have another type than the one that a simulator writes. `types` by topic, as in
+    a survey."""
+    wanted_types = {log.topic(each.name): type_with(each.fields) for each in READINGS.values()}
+    for topic, wanted in {log.topic('~/inputs'): TEXT, **wanted_types}.items():
+        if types.get(topic, wanted) != wanted:
+            yield f'{topic}: written as {types[topic]}, and its run writes {wanted}'
+
+
+def check_type(log: Log, topic: str) -> None:
+    """Raises InputError for a topic with another type than the one that a simulator writes."""
+    for fault in of_types(log, {topic: log.survey.types[topic]}):
+        raise InputError(fault, file=str(log.path), expected=_SAYS_MORE)
+
+
 def checked_journal(log: Log) -> list[dict[str, Any]]:
     """The journal of a log. Raises InputError, with what `verify` says, if it has none, or not as
     it was written."""
@@ -65,6 +81,8 @@ def checked_journal(log: Log) -> list[dict[str, Any]]:
 def _faults(log: Log) -> Iterator[str]:
     yield from of_scene(log)
     yield from unread(log)
+    own = log.topic('~/inputs')
+    yield from of_types(log, {own: log.survey.types.get(own, TEXT)})
     if log.survey.journal_fault:
         yield log.survey.journal_fault
     if log.survey.stated is not None:
@@ -84,6 +102,7 @@ def check_motion(
 
     Only for a log that `shows_states`.
     """
+    check_type(log, log.topic('~/state'))
     waiting, file = list(entries), str(log.path)
     for piece in log.pieces(['~/state']):
         for series in piece:

@@ -25,7 +25,7 @@ from alf_ros.errors import InputError, shortened
 from alf_ros.logs import journal, mcap_chunks, progress, record
 from alf_ros.logs.journal_faults import JournalFaults
 from alf_ros.logs.mcap_chunks import Contents
-from alf_ros.logs.series import ChannelReader, Series, joined
+from alf_ros.logs.series import ChannelReader, Series, joined, type_with
 from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import Scene, effect_names, scene_from_text
 from alf_ros.scene.text import yaml_document
@@ -53,7 +53,8 @@ class States:
 class Survey:
     """Contents of a log, from one passage through it.
 
-    `lost`: messages that are missing, by topic, of which `dropped` were never written; `damage`:
+    `types` by topic: where it comes with several, all of them. `lost`: messages that are missing,
+    by topic, of which `dropped` were never written; `damage`:
     the unreadable places, `passed_over` if later parts were read; `leap`: a stamp that cannot be
     one of the run, '' if there is none. first and last stamp without such. `stated` are the counts
     that the files state at their ends; None if a file does not. `journal_fault`: the first one of
@@ -162,7 +163,7 @@ class Log:
             for id_ in np.unique(block.channel).tolist():
                 rows, channel = np.flatnonzero(block.channel == id_), contents.channels[id_]
                 topic = channel.topic
-                found.types[topic] = channel.type
+                note_type(found.types, topic, channel.type)
                 found.counts[topic] = found.counts.get(topic, 0) + rows.size
                 number = int(block.sequence[rows[-1]])
                 numbers[topic] = max(numbers.get(topic, 0), number)
@@ -290,6 +291,8 @@ class Log:
     def states(self) -> States:
         """All states recorded. Raises InputError if there are none."""
         series = self.read('~/state')
+        if series.type != type_with(('position', 'velocity')):
+            raise InputError('no states of a run', key=series.topic, value=series.type)
         n = next(k for k, name in enumerate(series.names) if name in ('turns[0]', 'pace'))
         numbers, rates = series.columns['position'], series.columns['velocity']
         step = numbers[:, -1].astype(np.int64)
@@ -320,6 +323,13 @@ class Log:
         head = ('topic', 'type', 'messages')
         topics = html_table.table(head, rows, len(survey.counts))
         return ''.join([*parts, html_table.pairs(about), topics])
+
+
+def note_type(types: dict[str, str], topic: str, name: str) -> None:
+    """Note a type of a topic. Each channel has its own, so it may come with another one."""
+    known = types.setdefault(topic, name)
+    if name not in known.split(', '):
+        types[topic] = f'{known}, {name}'
 
 
 def node_of(topics: Mapping[str, str]) -> str:

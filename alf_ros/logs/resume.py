@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from alf_ros.errors import InputError
-from alf_ros.logs.input_faults import checked_journal
+from alf_ros.logs.input_faults import check_type, checked_journal
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Event, Rerun, in_order
 from alf_ros.simulation import state_vector
@@ -34,6 +34,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
     it was written, StepError."""
     rerun, inputs = Rerun(log, trust), checked_journal(log)
     source = _source(log)
+    check_type(log, source)
     has_states = source == log.topic('~/state')
     latest: Event | None = None
     waiting: list[dict[str, Any]] = []

@@ -19,7 +19,14 @@ _JOINT_STATE = 'sensor_msgs/msg/JointState'
 _WRENCHES = 'sensor_msgs/msg/MultiDOFJointState'
 COMPONENTS = tuple(f'{what}.{axis}' for what in ('force', 'torque') for axis in 'xyz')
 _NUMBER = 'std_msgs/msg/Float64'
+TEXT = 'std_msgs/msg/String'
 NUMERIC = (_JOINT_STATE, _WRENCHES, _NUMBER)
+
+
+def type_with(fields: tuple[str, ...]) -> str:
+    """The type whose messages hold their numbers in these fields."""
+    types = {'wrench': _WRENCHES, 'data': _NUMBER}
+    return types.get(fields[0], _JOINT_STATE)
 
 
 @dataclass(frozen=True)
@@ -64,10 +71,10 @@ class Series:
 
 
 def joined(pieces: Sequence[Series]) -> Series:
-    """Pieces of one topic as one. Raises InputError if their names differ."""
+    """Pieces of one topic as one. Raises InputError if their types or names differ."""
     first = pieces[0]
     for piece in pieces:
-        if piece.names != first.names:
+        if (piece.type, piece.names) != (first.type, first.names):
             text = f'its content changes at {piece.stamp[0]} ns: read its pieces one by one'
             raise InputError(text, key=first.topic)
     return Series(

@@ -22,14 +22,19 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from alf_ros import load_scene
+from alf_ros import gradient, load_scene
 from alf_ros.__main__ import main
+from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
+from alf_ros.logs.report.html import page
+from alf_ros.logs.report.summary import account
 from alf_ros.ros.recording.fork import fork
 from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.ros.replay.sources import Recorded
 from alf_ros.simulation import setup as settings
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.identification.recording_reader import read_recording
 from support.log_files import JOURNAL, Retold, make, push, rewritten
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, SimulatorProcess
@@ -311,6 +316,54 @@ def test_a_cut_log_is_verified_as_far_as_it_goes(tmp_path, capsys):
     assert main(['verify', str(cut)]) == 0
     said = capsys.readouterr().out
     assert 'not closed: ' in said and 'EQUAL: ' in said
+
+
+OTHER_TYPES = (  # two topics, each with the type of the other one
+    ('/joint_states', '/simulator/energy'),
+    ('/simulator/state', '/simulator/reactions'),
+    ('/simulator/inputs', '/simulator/constraints'),
+)
+
+
+@pytest.mark.parametrize('pair', OTHER_TYPES)
+def test_a_topic_of_another_type_is_one_line(pushed, tmp_path, pair, capsys):
+    """All of it, not each message, by every command that would read it."""
+    log = load(rewritten(pushed, tmp_path, rename=dict([pair, pair[::-1]]).get))
+    was, now = (load(pushed).survey.types[topic] for topic in pair)
+    said = f'{pair[0]}: written as {now}, and its run writes {was}'
+    result, shown = compare(log), account(log)
+    assert [fault for fault in result.faults if pair[0] in fault] == [said]
+    assert said in shown.faults and page([shown]).count(said)
+    assert main(['verify', str(log.path)]) == 1
+    assert said in capsys.readouterr().out
+    if pair[0] != '/joint_states':
+        with pytest.raises(InputError, match=re.escape(said)):
+            fork(log, 0.4, {}, tmp_path / 'fork')
+        with pytest.raises(InputError, match=re.escape(said)):
+            gradient(log, 'final(energy)', ['coupler.mass'])
+    if pair[0] == '/simulator/state':
+        with pytest.raises(InputError, match='no states of a run'):
+            _ = log.states
+
+
+def test_a_topic_of_two_types_is_one_line(pushed, tmp_path, capsys):
+    """It was published as one of them, and counted as one of them."""
+    both = {'/simulator/energy': '/joint_states'}
+    log = load(rewritten(pushed, tmp_path, rename=both.get))
+    names = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64'
+    said = f'/joint_states: written as ({"|".join(map(", ".join, (names, names[::-1])))})'
+    assert re.search(said, compare(log).faults[0])
+    for read in (
+        lambda: Recorded(log),
+        lambda: read_recording(log.path, load_scene('slider_crank')),
+    ):
+        with pytest.raises(InputError, match='written as .*, .*; expected one type of each topic'):
+            read()
+    with pytest.raises(InputError, match='its content changes'):
+        log.read('joint_states')
+    for _ in range(2):  # it leaves no folder
+        assert main(['recover', str(log.path), '-o', str(tmp_path / 'whole')]) == 2
+        assert re.search(said, capsys.readouterr().err)
 
 
 def test_what_cannot_be_verified_is_one_line(tmp_path, capsys):

@@ -333,3 +333,49 @@ def test_what_is_refused(values: dict[str, Any], said: str) -> None:
         assemblies('four_bar', values)
     with pytest.raises(AssemblyError, match='no assembly: '):
         assemblies('four_bar', {'rocker_pin': 0.0}, starts=20)
+
+
+def test_an_input_beyond_its_travel_is_out_of_reach(crank_and_rocker: dict[str, Any]) -> None:
+    """Half a turn away the loop closes: that is no reason why it does not close here."""
+    found = assemblies(crank_and_rocker, {'pin': 3.0 - math.pi})
+    assert len(found) == 2
+    with pytest.raises(AssemblyError, match=r'no assembly: .* cannot be closed: ') as error:
+        assemblies(crank_and_rocker, {'pin': 3.0}, starts=20)
+    assert 'right angle' not in str(error.value)
+
+
+@pytest.fixture
+def crank_and_rocker() -> dict[str, Any]:
+    """A crank about z and a rocker about x, with a rod between balls."""
+    inertia = {'about_com': [0.01, 0.01, 0.01]}
+    return {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {
+            'O': {'at': [0, 0, 0], 'fixed': True},
+            'Q': {'at': [0.8, 0.5, 0.1], 'fixed': True},
+            'A': {'at': [0.4, 0, 0]},
+            'B': {'at': [0.8, 0.5, 0.8]},
+        },
+        'bodies': {
+            'crank': {'points': ['O', 'A'], 'mass': 1, 'com': [0.2, 0, 0], 'inertia': inertia},
+            'rod': {'points': ['A', 'B'], 'mass': 1, 'inertia': 'rod'},
+            'rocker': {'points': ['Q', 'B'], 'mass': 1, 'com': [0.3, 0, 0], 'inertia': inertia},
+        },
+        'joints': {
+            'pin': {
+                'type': 'revolute',
+                'between': ['ground', 'crank'],
+                'at': 'O',
+                'axis': [0, 0, 1],
+            },
+            's1': {'type': 'spherical', 'between': ['crank', 'rod'], 'at': 'A'},
+            's2': {'type': 'spherical', 'between': ['rod', 'rocker'], 'at': 'B'},
+            'rock': {
+                'type': 'revolute',
+                'between': ['ground', 'rocker'],
+                'at': 'Q',
+                'axis': [1, 0, 0],
+            },
+        },
+    }

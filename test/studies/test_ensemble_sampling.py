@@ -160,7 +160,7 @@ def test_grids_and_tables():
 def test_members_in_a_file(tmp_path):
     """A line of names, then a line for each member: numbers keep their digits, texts stay."""
     (tmp_path / 'parts.csv').write_text(
-        '# measured\ncoupler.mass, solver.integrator\n1.0625,rk4\n\n1.125,dop853\n0.1,rk4\n'
+        '# measured\ncoupler.mass, "solver.integrator"\n1.0625, "rk4"\n\n1.125,dop853\n0.1,rk4\n'
     )
     (tmp_path / 'study.yaml').write_text(
         'scene: four_bar\nvary: parts.csv\nduration: 0.1\noutputs: [final(energy)]\n'
@@ -193,6 +193,13 @@ def test_members_in_a_file(tmp_path):
         ('a,b,a\n1,2,3\n', "1: named twice, got 'a'"),
         ('# x\na,b\n1,2\n1\n', '4: wrong number of columns; expected 2 columns'),
         ('a,b\n1,\n', '2: b: an empty cell'),
+        ('a;b\n1;2\n', "1: no commas between the columns, got 'a;b'"),
+        ('a\tb\n1\t2\n', '1: no commas between the columns'),
+        ('a\n"1\n"\n2\n', '2: not a line of a table: unexpected end of data'),
+        ('a\n"1"5\n', "2: not a line of a table: ',' expected after '\"'"),
+        pytest.param(
+            f'a\n{"1" * 140_000}\n', '2: not a line of a table: field larger than', id='long'
+        ),
     ],
 )
 def test_a_file_of_members_that_cannot_be_is_said(text, said, tmp_path):

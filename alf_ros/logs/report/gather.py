@@ -10,7 +10,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.logs import journal, progress
-from alf_ros.logs.log import Log, Survey
+from alf_ros.logs.log import Log, Survey, note_type
 from alf_ros.logs.report.commands import Orders
 from alf_ros.logs.report.decimation import Instants, Trace
 from alf_ros.logs.report.diagnostic_levels import Reports
@@ -48,6 +48,7 @@ class Gathered:
     first: float = np.inf  # s
     last: float = -np.inf
     counts: dict[str, int] = field(default_factory=dict)
+    types: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, int] = field(default_factory=dict)  # last sequence number, by topic
     signals: dict[tuple[Label, ...], Signals] = field(default_factory=dict)
     states: dict[tuple[str, ...], Instants] = field(default_factory=dict)
@@ -83,6 +84,7 @@ def gather(log: Log, report: progress.Report = progress.silent) -> Gathered:
             t = log.time(series.stamp)
             found.first, found.last = min(found.first, t.min()), max(found.last, t.max())
             found.counts[series.topic] = found.counts.get(series.topic, 0) + len(series)
+            note_type(found.types, series.topic, series.type)
             number = int(series.sequence.max())
             found.numbers[series.topic] = max(found.numbers.get(series.topic, 0), number)
             drawn, columns = known.get(series.topic, (None, ()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from alf_ros.errors import AlfError
-from alf_ros.logs import progress
+from alf_ros.logs import input_faults, progress
 from alf_ros.logs.log import Log
 from alf_ros.logs.report.drawn_motion import DrawnMotion, mechanism, motion
 from alf_ros.logs.report.gather import Gathered, gather
@@ -58,6 +58,7 @@ def account(log: Log, report: progress.Report = progress.silent) -> Account:
     made = Account(name, log.info['scene'], found, drawn, first, last, _about(log, found), [])
     made.notes = _notes(made, why)
     made.faults = [fault for fault in (found.damage, log.absent) if fault]
+    made.faults += input_faults.of_types(log, found.types)
     made.faults += [
         f'{count} messages of {topic} are missing' for topic, count in found.lost.items()
     ]

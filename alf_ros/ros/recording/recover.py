@@ -7,7 +7,7 @@ from pathlib import Path
 
 from alf_ros.errors import InputError
 from alf_ros.logs.log import Log
-from alf_ros.logs.mcap_chunks import Contents, blocks
+from alf_ros.logs.mcap_chunks import Channel, Contents, blocks
 from alf_ros.logs.progress import Report, silent
 from alf_ros.ros.recording import rosbag2_metadata
 from alf_ros.ros.recording.mcap_file import LogFile, write_metadata
@@ -16,8 +16,12 @@ from alf_ros.ros.recording.mcap_file import LogFile, write_metadata
 def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
     """Write every whole chunk of a log, with an index and metadata.yaml, into a new folder.
 
-    Raises InputError if that cannot be written.
+    Raises InputError if that cannot be written, or a topic has two types.
     """
+    for topic, types in log.survey.types.items():
+        if ', ' in types:  # which no metadata.yaml can describe
+            expected = 'one type of each topic'
+            raise InputError(f'written as {types}', key=topic, expected=expected)
     try:
         folder.mkdir(parents=True)
         size, before, made = sum(file.stat().st_size for file in log.files), 0, []
@@ -37,6 +41,17 @@ def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
     return made
 
 
+def _registered(told: Channel, copy: LogFile) -> rosbag2_metadata.RecordedTopic:
+    """The topic of a channel in the copy. Several channels of one topic become one."""
+    return copy.channels.get(told.topic) or copy.register(
+        told.topic,
+        told.type,
+        told.definition,
+        told.metadata.get('topic_type_hash', ''),
+        told.metadata.get('offered_qos_profiles', ''),
+    )
+
+
 def _copied(file: Path, copy: LogFile) -> Iterator[int]:
     """Copy a file message by message; after every chunk, how far it has been read."""
     contents = Contents()
@@ -44,14 +59,7 @@ def _copied(file: Path, copy: LogFile) -> Iterator[int]:
     for block in blocks(file, contents):
         for k, id_ in enumerate(block.channel.tolist()):
             if id_ not in channels:
-                told = contents.channels[id_]
-                channels[id_] = copy.register(
-                    told.topic,
-                    told.type,
-                    told.definition,
-                    told.metadata.get('topic_type_hash', ''),
-                    told.metadata.get('offered_qos_profiles', ''),
-                )
+                channels[id_] = _registered(contents.channels[id_], copy)
             number = int(block.sequence[k])
             copy.add_to(channels[id_], int(block.stamp[k]), block.message(k), number)
         copy.flush()

@@ -54,6 +54,7 @@ class Recorded:
 
     def __init__(self, log: Log, report: Report = silent) -> None:
         self.topics: Topics = {}
+        self._types: dict[str, str] = {}
         self._latched: list[StampedMessage] = []
         self._places: list[tuple[int, int]] = []  # of each chunk: file, byte
         self._ends: list[int] = []
@@ -78,6 +79,10 @@ class Recorded:
 
     def _keep_latched(self, contents: Contents, block: Any) -> None:
         for channel in contents.channels.values():
+            known = self._types.setdefault(channel.topic, channel.type)
+            if channel.type != known:
+                text, expected = f'written as {known}, {channel.type}', 'one type of each topic'
+                raise InputError(text, key=channel.topic, expected=expected)
             if channel.topic not in self.topics:
                 self.topics[channel.topic] = message_class(channel.type), _qos(channel.metadata)
             if _is_latched(self.topics[channel.topic][1]):

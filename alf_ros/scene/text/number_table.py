@@ -59,7 +59,11 @@ def cells_of(path: Path) -> Iterator[tuple[int, list[str]]]:
         raise InputError('not a text file in UTF-8', file=str(path), line=place) from None
     for number, line in enumerate(lines, 1):
         if line.strip() and not line.lstrip().startswith('#'):
-            (cells,) = csv.reader([line])
+            try:
+                (cells,) = csv.reader([line], skipinitialspace=True, strict=True)
+            except csv.Error as error:  # such as a quote without its end
+                text = f'not a line of a table: {error}'
+                raise InputError(text, file=str(path), line=number) from None
             yield number, [cell.strip() for cell in cells]
 
 

@@ -134,7 +134,8 @@ class _AssemblySearch:
         try:
             q = assembly.close(model, {}, q, least=0.0)
         except AssemblyError as error:
-            self.why = str(error.message)
+            if not str(error.key).startswith('drives.'):  # closed, with an input turned round
+                self.why = str(error.message)
             return False
         at = Linearised(model, q)
         if np.abs(at.phi).max(initial=0.0) > _CLOSED * model.size:

@@ -15,7 +15,9 @@ def columns(path: Path) -> dict[str, list[str]]:
     titled, names = next(lines, (None, []))
     for n, name in enumerate(names):
         error = None
-        if not name or _is_number(name):
+        if ';' in name or '\t' in name:
+            error = 'no commas between the columns'
+        elif not name or _is_number(name):
             error = f'no name in column {n + 1}'
         elif name in names[:n]:
             error = 'named twice'

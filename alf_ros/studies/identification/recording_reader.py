@@ -123,7 +123,14 @@ class _Reader:
             for block in mcap_chunks.blocks(file, contents):
                 for id_ in np.unique(block.channel).tolist():
                     channel = contents.channels[id_]
-                    self._all[channel.topic] = channel.type
+                    known = self._all.setdefault(channel.topic, channel.type)
+                    if channel.type != known and self._wanted(channel.topic, known, journal_topic):
+                        raise InputError(
+                            f'written as {known}, {channel.type}',
+                            file=str(file),
+                            key=channel.topic,
+                            expected='one type of each topic',
+                        )
                     if not self._wanted(channel.topic, channel.type, journal_topic):
                         continue
                     if channel.encoding != 'cdr':
