@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.branch_change import begin_mode
+from alf_ros.kernel.branch_end import leads_past
 from alf_ros.kernel.constraints import jacobian, times_jacobian
 from alf_ros.kernel.data import NOTHING
 from alf_ros.kernel.data.closing import CALLS, FACTORED, Closing
-from alf_ros.kernel.line_tracking import go_along, leads_past
+from alf_ros.kernel.line_tracking import go_along
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.posture_newton import LEAP, settle

@@ -35,14 +35,13 @@ _SOUND = 0.2  # of the first correction, the rest of them
 _BLUNT = -3.0  # logarithm of a part of the largest σ so far, from which on s is looked at
 _FIRM = 1e2  # s² of a mode that A hardly holds back
 _MARGIN = 10.0  # times an error of a place, in sizes: σ
-_PIECE, _SHORT = 0.2, 1e-3  # of the way between candidates: a step, and the shortest
 _CROSSED = 0.75  # of the mean sharpness of two places: that between them, where branches cross
 _TINY = 1e-11  # of the size: a correction that does not count
-_PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
+PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
 _FINE, _FINEST = 1e-5, 1e-12  # of the first step: any convergence is good; at least
 _STRETCHED = 1.2  # a step, at most, to end with the line
-_STALE = 0.1  # of the last step: a step that is so much shorter does without its derivatives
-_SHORTER, _LONGER = 0.4, 1.7  # the next step; powers of these do not meet a place again
+STALE = 0.1  # of the last step: a step that is so much shorter does without its derivatives
+SHORTER, LONGER = 0.4, 1.7  # the next step; powers of these do not meet a place again
 _OVER = 0.4  # of a step, how far it goes beyond the wanted values
 _CLOSER, _LEVELS = 0.17, 3  # places of `_straddle`, in the next of so many levels
 _AGAIN, _TRIES = 0.77, 8  # the same, if one of them is too close to the position; in all
@@ -105,7 +104,7 @@ def _fit(closing: Closing, h: float, last: float) -> None:
 
 
 @inner
-def _step(closing: Closing, s: float, h: float, known: bool, exactly: bool) -> bool:
+def take_step(closing: Closing, s: float, h: float, known: bool, exactly: bool) -> bool:
     """A step from `before`, at s, to the q in `work`; `known`: with the derivatives by s."""
     work, n, size = closing.work, closing.ahead.size, closing.tight.size
     copy(closing.before, work.q)
@@ -152,7 +151,7 @@ def _error(closing: Closing, known: bool) -> float:
 
 
 @inner
-def _learn_line(closing: Closing, h: float, last: float, known: bool) -> None:
+def learn_line(closing: Closing, h: float, last: float, known: bool) -> None:
     """The derivatives by s at the end of a step h, the one before it was `last`."""
     n = closing.ahead.size
     if known:
@@ -231,7 +230,7 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
     method is sound at s = 1, or the posture is known as well as by it.
     """
     work, n, size = closing.work, closing.ahead.size, closing.tight.size
-    if not _step(closing, s, (1.0 + _OVER) * h, True, True):
+    if not take_step(closing, s, (1.0 + _OVER) * h, True, True):
         return False
     way = furthest(work.q, closing.before, n) / ((1.0 + _OVER) * h)
     _fit(closing, (1.0 + _OVER) * h, last)
@@ -306,7 +305,7 @@ def go_along(closing: Closing, hasty: bool) -> float:
     while s < 1.0:
         strict = h > _FINE * widest
         fine += 0 if strict else 1
-        if fine > _PATIENCE or (hasty and not strict):
+        if fine > PATIENCE or (hasty and not strict):
             break
         rest = 1.0 - s
         if h < rest < 2.0 * h and strict:  # not a short step at the end
@@ -317,10 +316,10 @@ def go_along(closing: Closing, hasty: bool) -> float:
         copy(closing.before, work.q)
         begin_at(closing, work.q)
         by = known and strict
-        good = _step(closing, s, h, by, exactly) if strict else _creep(closing, s, h)
-        if not good and by and to < 1.0 and (s == 0.0 or h < _STALE * last):
+        good = take_step(closing, s, h, by, exactly) if strict else _creep(closing, s, h)
+        if not good and by and to < 1.0 and (s == 0.0 or h < STALE * last):
             by = False
-            good = _step(closing, s, h, by, True)
+            good = take_step(closing, s, h, by, True)
         wide = strict and h * reach > _PASSED
         good = good and not (wide and is_left(closing))
         beside = good and strict and not is_regular(closing, closing.before, _error(closing, by))
@@ -332,64 +331,23 @@ def go_along(closing: Closing, hasty: bool) -> float:
                 if _straddle(closing, s, width, last):
                     count(closing, closing.before, closing.turned)
                     return 1.0
-                width *= _SHORTER
+                width *= SHORTER
             if beside and skips == _SKIPS:
-                good = _step(closing, s, h, s > 0.0, True)
+                good = take_step(closing, s, h, s > 0.0, True)
                 by = s > 0.0
         if beside and skips < _SKIPS:
             good, skips = False, skips + 1
         if good:
             count(closing, closing.before, closing.turned)
-            _learn_line(closing, h, last, by)
+            learn_line(closing, h, last, by)
             copy(work.q, closing.before)
             begin_mode(closing, work.q)
             s, last, known = to, h, True
-            h = min((_LONGER if strict else 2.0) * h, widest) if again else h
+            h = min((LONGER if strict else 2.0) * h, widest) if again else h
         else:
-            h *= _SHORTER if strict else 0.5
+            h *= SHORTER if strict else 0.5
             if h < _FINEST * widest:
                 break
         exactly, again = not good, good
     copy(closing.before, work.q)
     return s
-
-
-@inner
-def leads_past(closing: Closing) -> bool:
-    """Whether the branch of the candidate in `line`, at s = 1, leads further on the line, towards
-    the candidate in `other`, than that is away.
-
-    If a dead point lies between the two, the branch ends there, half way. If it does not end, the
-    other candidate is on another branch.
-    """
-    work, n = closing.work, closing.ahead.size
-    way, speed = furthest(closing.other, closing.line, n), largest(closing.slope, n)
-    if speed == 0.0:
-        return False
-    along = 0.0
-    for a in range(n):
-        along += closing.slope[a] * (closing.other[a] - closing.line[a])
-    copy(closing.line, closing.before)
-    copy(closing.line, work.q)
-    begin_at(closing, work.q)
-    longest = _PIECE * way / speed
-    s, last, h = 1.0, 0.0, longest if along > 0.0 else -longest
-    for _ in range(_PATIENCE):
-        known = True
-        good = _step(closing, s, h, True, True)
-        if not good and abs(h) < _STALE * abs(last):
-            known = False
-            good = _step(closing, s, h, False, True)
-        if good:
-            _learn_line(closing, h, last, known)
-            copy(work.q, closing.before)
-            s, last = s + h, h
-            if furthest(closing.before, closing.line, n) >= way:
-                return True
-            longest = _PIECE * way / (largest(closing.slope, n) + NOTHING)
-            h = np.sign(h) * min(_LONGER * abs(h), longest)
-        else:
-            h *= _SHORTER
-            if abs(h) * speed < _SHORT * _PIECE * way:
-                return False
-    return False

@@ -27,6 +27,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.branch_doubt import STEADY, is_guess
+from alf_ros.kernel.branch_end import leads_past
 from alf_ros.kernel.closing_motion import (
     BELIEVED,
     GAP,
@@ -53,7 +54,7 @@ from alf_ros.kernel.data.closing import (
     TAKEN,
     Closing,
 )
-from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound, leads_past
+from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound
 from alf_ros.kernel.noisy_closing import close_noisy
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero

@@ -11,6 +11,7 @@ import numpy as np
 
 from alf_ros.arrays import Integers
 from alf_ros.kernel.branch_doubt import is_unsure
+from alf_ros.kernel.branch_end import leads_past
 from alf_ros.kernel.closing_motion import (
     AGREE,
     AWAY,
@@ -38,7 +39,7 @@ from alf_ros.kernel.data.closing import (
     TAKEN,
     Closing,
 )
-from alf_ros.kernel.line_tracking import go_along, leads_past
+from alf_ros.kernel.line_tracking import go_along
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest
 from alf_ros.kernel.posture_newton import begin_at, count, put_values, read, settle, sharpness

@@ -64,6 +64,7 @@ class Closing(Struct):
     mode: Floats  # (all blocks D,) the softest mode of Φ_q where a step began
     image: Floats  # (rows,) its unit image
     trail: Floats  # (6,), see above
+    ends: Floats  # (2 active,) of the line, while another one is followed
     held: Floats  # (all blocks D,) the last posture away from dead points
     held_turns: Integers  # (angles,) of it
     held_at: Floats  # (active,) values where it is, rad or m

@@ -358,6 +358,7 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         'trail': 6,
         'image': len(rows.alpha),
         **dict.fromkeys(('wanted', 'asked', 'here', 'stride', 'held_at'), count),
+        'ends': 2 * count,
         **dict.fromkeys(('q', 'other', 'before', 'line', 'held', 'mode'), whole),
         **dict.fromkeys(('place', 'rate', 'bend', 'ahead', 'way', 'shift'), model.n),
         **dict.fromkeys(('slope', 'bow', 'guess'), model.n),

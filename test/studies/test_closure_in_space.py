@@ -1,0 +1,117 @@
+"""Robots with several active joints through their dead points, against closed forms.
+
+There values go along a singular curve rather than to it, so a line of values tells little of it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from alf_ros import Closure
+from alf_ros.arrays import Floats
+from support.paths import ROOT
+
+LEGS = [f'leg{n}' for n in range(6)]
+BASE, PLATE, HIGH = 1.0, 0.6, 1.2  # m, of config/mechanisms/stewart_platform.yaml
+DRAWN = ROOT / 'config' / 'mechanisms' / 'delta_robot.yaml'
+MOTORS = ['motor0', 'motor1', 'motor2']
+DELTA = {
+    'rb': 0.2,
+    'a': 0.41455943222835656,
+    'l': 0.40320743450643326,
+    'rp': 0.08609285477829187,
+    'theta': 0.8969847132783821,
+}
+
+
+def turn(v: Floats) -> Floats:
+    """The rotation about v (rad)."""
+    angle = float(np.linalg.norm(v))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = v / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+
+
+def corners(radius: float, apart: float, begin: float) -> Floats:
+    """(6, 3) of a plate, m."""
+    n = np.arange(6)
+    angle = np.radians(120.0 * (n // 2) + apart * (n % 2) + begin)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle], axis=1)
+
+
+@pytest.mark.parametrize(
+    ('rows', 'yaw', 'way', 'tilt'),
+    [
+        (596, -2.3, (-0.3373873, 0.0378576, -0.2207996), (0.2085098, -0.1340643)),
+        (146, 2.2, (0.2607717, 0.0121788, -0.0620557), (-0.0658535, 0.2437261)),
+    ],
+)
+@pytest.mark.parametrize('noise', [0.0, 1e-7, 1e-5])
+def test_a_stewart_platform_passes_its_dead_point(
+    rows: int,
+    yaw: float,
+    way: tuple[float, float, float],
+    tilt: tuple[float, float],
+    noise: float,
+) -> None:
+    """Lengths of legs of a path of the plate that loses rank once, as its Jacobian shows."""
+    below, above = corners(BASE, 20.0, -10.0), corners(PLATE, 100.0, -50.0)
+    drawn = np.linalg.norm(above + [0.0, 0.0, HIGH] - below, axis=1)
+    random, passes, before = np.random.default_rng(0), 0, 0.0
+    closure = Closure('stewart_platform', LEGS, noise=noise)
+    for s in np.linspace(0.0, 1.0, rows):
+        R = turn(np.array([0.0, 0.0, yaw * s])) @ turn(np.array([*tilt, 0.0]) * np.sin(2.0 * s))
+        arms = above @ R.T
+        places = arms + [0.0, 0.0, HIGH] + np.array(way) * s * s * (3.0 - 2.0 * s)
+        legs = places - below
+        lengths = np.linalg.norm(legs, axis=1)
+        u = legs / lengths[:, None]
+        det = np.linalg.det(np.hstack([u, np.cross(arms, u)]))
+        passes += bool(det * before < 0.0)
+        before = det
+        values = lengths - drawn + noise * random.standard_normal(6)
+        posture = closure.close(dict(zip(LEGS, values.tolist(), strict=True)))
+    found = np.array([posture.points[f'P{n}'] for n in range(6)])
+    assert passes == 1
+    assert np.abs(found - places).max() <= 1e-9 + 300.0 * noise
+
+
+def arm_angle(at: Floats, n: int, last: float) -> float:
+    """Of arm n (rad, downwards) with the plate at `at` (m): the solution next to the last one."""
+    p, about = DELTA, 2.0 * math.pi * n / 3.0
+    out = at[0] * math.cos(about) + at[1] * math.sin(about) - (p['rb'] - p['rp'])
+    aside, down = at[1] * math.cos(about) - at[0] * math.sin(about), -at[2]
+    far = math.hypot(out, down)
+    part = (p['a'] ** 2 + far**2 + aside**2 - p['l'] ** 2) / (2.0 * p['a'] * far)
+    both = [math.atan2(down, out) + sign * math.acos(part) for sign in (-1.0, 1.0)]
+    changes = [math.remainder(angle - last, 2.0 * math.pi) for angle in both]
+    return last + min(changes, key=abs)
+
+
+@pytest.mark.parametrize(('rows', 'noise'), [(168, 0.0), (84, 1e-9), (84, 1e-6), (168, 1e-6)])
+def test_a_delta_robot_passes_a_dead_point_and_a_crossing(rows: int, noise: float) -> None:
+    """Soon behind the dead point branches cross, on which the plate would begin to turn; two more
+    dead points follow, close to each other."""
+    mechanism: dict[str, Any] = yaml.safe_load(DRAWN.read_text())
+    mechanism['parameters'].update(DELTA)
+    p, s = DELTA, np.linspace(0.0, 1.0, rows)
+    low = math.sqrt(p['l'] ** 2 - (p['rb'] + p['a'] * math.cos(p['theta']) - p['rp']) ** 2)
+    begin = np.array([0.0, 0.0, -p['a'] * math.sin(p['theta']) - low])
+    path = begin + np.outer(s, (-0.077586346553367, -0.29811933720410977, 0.48796086879458245))
+    path += np.outer(
+        np.sin(np.pi * s) ** 2, (0.1828344566524833, 0.04660350099607843, -0.11398939530944788)
+    )
+    random, angles = np.random.default_rng(0), [p['theta']] * 3
+    closure = Closure(mechanism, MOTORS, noise=noise)
+    for at in path:
+        angles = [arm_angle(at, n, angles[n]) for n in range(3)]
+        values = np.array(angles) - p['theta'] + noise * random.standard_normal(3)
+        posture = closure.close(dict(zip(MOTORS, values.tolist(), strict=True)))
+    assert np.abs(posture.points['C'] - path[-1]).max() <= 1e-9 + 300.0 * noise
