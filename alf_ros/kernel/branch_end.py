@@ -28,8 +28,14 @@ _BEYOND = 2.0  # times the way to the values half way between them, where the br
 @inner
 def leads_past(closing: Closing) -> bool:
     """Whether the branch of the candidate in `line` leads past the candidate in `other`: no dead
-    point is between them."""
-    return _leads_on(closing) if closing.active.size == 1 else _leads_over(closing)
+    point is between them. The derivatives by the line stay, with which the next line may begin."""
+    n = closing.ahead.size
+    for a in range(n):
+        closing.places[a], closing.places[n + a] = closing.slope[a], closing.bow[a]
+    past = _leads_on(closing) if closing.active.size == 1 else _leads_over(closing)
+    for a in range(n):
+        closing.slope[a], closing.bow[a] = closing.places[a], closing.places[n + a]
+    return past
 
 
 @inner
@@ -87,8 +93,6 @@ def _leads_over(closing: Closing) -> bool:
         return False
     count(closing, closing.line, closing.turned)
     read(closing, work.q, closing.turned)
-    for a in range(n):  # of the line that was followed
-        closing.places[a], closing.places[n + a] = closing.slope[a], closing.bow[a]
     for k in range(active):
         closing.ends[k], closing.ends[active + k] = closing.asked[k], closing.wanted[k]
         closing.asked[k] = closing.wanted[k]
@@ -96,8 +100,6 @@ def _leads_over(closing: Closing) -> bool:
     over = _goes_over(closing)
     for k in range(active):
         closing.asked[k], closing.wanted[k] = closing.ends[k], closing.ends[active + k]
-    for a in range(n):
-        closing.slope[a], closing.bow[a] = closing.places[a], closing.places[n + a]
     return over
 
 

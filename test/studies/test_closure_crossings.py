@@ -70,6 +70,13 @@ def test_random_motions_through_flat_positions() -> None:
         assert_held(*random_motion(random))
 
 
+def test_a_doubt_in_the_call_before_the_flat_position_leaves_its_line() -> None:
+    """One of many motions, in which another branch is looked for just before the crossing."""
+    random = np.random.default_rng(0)
+    *_, motion = (random_motion(random) for _ in range(72))
+    assert_held(*motion)
+
+
 def test_calls_that_are_far_apart_go_through_the_flat_position() -> None:
     """In one call; several branches of a dead point are not in its way."""
     for a in (0.5, 0.9):
