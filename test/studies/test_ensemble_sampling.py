@@ -204,8 +204,9 @@ def test_members_in_a_file(tmp_path):
 )
 def test_a_file_of_members_that_cannot_be_is_said(text, said, tmp_path):
     (tmp_path / 'parts.csv').write_text(text)
-    with pytest.raises(InputError, match=f'parts.csv:? ?{re.escape(said)}'):
-        ensemble('four_bar', tmp_path / 'parts.csv')
+    for sampling in (None, np.zeros(3)):
+        with pytest.raises(InputError, match=f'parts.csv:? ?{re.escape(said)}'):
+            ensemble('four_bar', tmp_path / 'parts.csv', sampling=sampling)
     (tmp_path / 'study.yaml').write_text('scene: four_bar\nvary: none.csv\n')
     with pytest.raises(InputError, match=r'none\.csv: no such file'):
         load_study(tmp_path / 'study.yaml')

@@ -180,6 +180,8 @@ def test_a_member_that_fails_waits_until_it_is_reset():
         ({'members': 2, 'seed': 5}, '^seed: nothing is drawn.*expected vary'),
         ({'members': 2, 'seed': np.zeros(3)}, '^seed: nothing is drawn.*expected vary'),
         ({'members': 2, 'sampling': 'sobol'}, '^sampling: nothing is drawn'),
+        ({'members': 2, 'sampling': ''}, '^sampling: nothing is drawn'),
+        ({'members': 2, 'sampling': np.zeros(3)}, '^sampling: nothing is drawn'),
         (
             {'members': 2, 'integrator': 'esdirk43'},
             "^integrator: member 0: only explicit .*'esdirk43'$",

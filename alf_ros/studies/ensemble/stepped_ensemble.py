@@ -70,10 +70,8 @@ class Ensemble:
             scenes = [given.scene_of(k) for k in range(count)]
             self._members = [Simulation(each, **settings) for each in scenes]
         else:
-            for key, value, idle in (
-                ('seed', seed, 0),
-                ('sampling', sampling or 'random', 'random'),
-            ):
+            sampling = 'random' if sampling is None else sampling
+            for key, value, idle in (('seed', seed, 0), ('sampling', sampling, 'random')):
                 if not isinstance(value, (int, np.integer, str)) or value != idle:
                     raise InputError(_ALIKE, key=key, value=value, expected='vary beside it')
             count = check.whole(members, 'members', 1, MOST_MEMBERS)

@@ -58,7 +58,8 @@ def study_of(
     """The study of these values; `alf_ros.ensemble` explains them. Raises InputError."""
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     if isinstance(vary, (str, Path)):
-        vary, sampling = columns(paths.named(vary, 'vary')), sampling or 'table'
+        vary = columns(paths.named(vary, 'vary'))
+        sampling = 'table' if sampling is None else sampling
     if not isinstance(vary, Mapping):
         expected = '{name: distribution}, or a CSV file'
         raise InputError('not a mapping', key='vary', value=vary, expected=expected)
