@@ -7,6 +7,7 @@ import itertools
 import math
 import pickle
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -204,7 +205,8 @@ def test_members_in_a_file(tmp_path):
 )
 def test_a_file_of_members_that_cannot_be_is_said(text, said, tmp_path):
     (tmp_path / 'parts.csv').write_text(text)
-    for sampling in (None, np.zeros(3)):
+    samplings: list[Any] = [None, np.zeros(3)]
+    for sampling in samplings:
         with pytest.raises(InputError, match=f'parts.csv:? ?{re.escape(said)}'):
             ensemble('four_bar', tmp_path / 'parts.csv', sampling=sampling)
     (tmp_path / 'study.yaml').write_text('scene: four_bar\nvary: none.csv\n')
