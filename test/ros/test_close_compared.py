@@ -27,7 +27,7 @@ def test_it_publishes_what_closure_computes(tmp_path: Path, peer: Peer) -> None:
     with ClosingProcess(tmp_path, *arguments, '-r', 'active_joint_states:=/plc/motors') as node:
         heard = peer.listen('/cell/joint_states', JointState)
         talker = peer.talk('/plc/motors', JointState)
-        peer.until(lambda: peer.node.count_publishers('/cell/joint_states'), 'joint_states')
+        peer.known_to('/cell/close')
         closure, first = Closure('delta_robot', MOTORS), 10**18
         given, last, rates = dict[str, float](), -1, dict[str, float]()
         told = list[JointState]()

@@ -118,7 +118,7 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         maps = peer.listen('/close/effort_map', Float64MultiArray)
         reports = peer.listen('/close/diagnostics', DiagnosticArray)
         talker = peer.talk(INPUT, JointState)
-        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
+        peer.known_to('/close')
         peer.until(lambda: reports, 'a report')
         assert values(reports[0], 'loops')[1] == f'waiting for guide on {INPUT}'
 
@@ -184,7 +184,7 @@ def test_a_branch_that_is_a_guess_is_said(tmp_path: Path, peer: Peer) -> None:
         joints = peer.listen('/joint_states', JointState)
         reports = peer.listen('/close/diagnostics', DiagnosticArray)
         talker = peer.talk(INPUT, JointState)
-        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
+        peer.known_to('/close')
         peer.until(lambda: reports, 'a report')
         for step in range(8):
             angle, pause = 0.7 - 0.1 * step, 100_000_000_000 if step > 6 else 0
@@ -224,7 +224,7 @@ def test_messages_without_stamps_have_the_time_of_arrival(tmp_path: Path, peer: 
     with ClosingProcess(tmp_path, '--active', 'guide') as node:
         joints = peer.listen('/joint_states', JointState)
         talker = peer.talk(INPUT, JointState)
-        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
+        peer.known_to('/close')
         sent = []
         for place in (1.49, 1.48, 1.47, 1.46):
             talker.publish(message(0, guide=place))
@@ -258,7 +258,7 @@ def test_a_remapped_node_says_where_it_listens(tmp_path: Path, peer: Peer) -> No
         assert reports[0].status[0].message == 'waiting for guide on /left/encoders'
         joints = peer.listen('/left/joint_states', JointState)
         talker = peer.talk('/left/encoders', JointState)
-        peer.until(lambda: peer.node.count_publishers('/left/joint_states'), 'joint_states')
+        peer.known_to('/left/close')
         talker.publish(message(10**9, guide=1.4))
         peer.until(lambda: joints, 'a posture')
         assert node.stop() == 0, node.output

@@ -179,29 +179,33 @@ class Peer:
         return asked.result()
 
     def client(self, kind: Any, service: str) -> Any:
-        """A client that its server knows.
-
-        A server carries a request out and then drops its answer if it has not discovered the
-        client by then, which happens on a busy machine. Clients are announced in order: a server
-        that answers a younger one knows this one. The younger one asks for no parameters, which
-        may be asked again.
-        """
+        """A client that its server knows: else it carries a request out and drops its answer."""
         client = self.node.create_client(kind, service)
         self.until(client.service_is_ready, f'the service {service}')
-        parameters = f'{service.rpartition("/")[0]}/get_parameters'
-        younger = self.node.create_client(GetParameters, parameters)
-        self.until(younger.service_is_ready, f'the service {parameters}')
+        self.known_to(service.rpartition('/')[0])
+        return client
+
+    def known_to(self, node: str) -> None:
+        """Wait until `node` has found every client, reader and publisher made here so far.
+
+        That a node is found here does not say that it has found these: on a busy machine it
+        publishes a message before it knows of a reader, who misses it then. They are announced in
+        order: a node that answers a client made now knows what was made before. It is asked for
+        no parameters, which may be asked again until an answer comes.
+        """
+        service = f'{node}/get_parameters'
+        youngest = self.node.create_client(GetParameters, service)
+        self.until(youngest.service_is_ready, f'the service {service}')
         began = time.monotonic()
         asked: list[Any] = []
 
         def answered() -> bool:
             if time.monotonic() >= began + len(asked):
-                asked.append(younger.call_async(GetParameters.Request()))
+                asked.append(youngest.call_async(GetParameters.Request()))
             return any(future.done() for future in asked)
 
-        self.until(answered, f'an answer of {parameters}')
-        self.node.destroy_client(younger)
-        return client
+        self.until(answered, f'an answer of {service}')
+        self.node.destroy_client(youngest)
 
 
 class Diagnostics:
