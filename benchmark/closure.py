@@ -4,7 +4,8 @@
 
 Writes benchmark/results/closure.csv (cost) and closure_passes.csv (branches). A pass: a slider
 drives a crank through a dead point, at a random speed that changes by up to 30 %; the crank angle
-found behind it is compared with the one that made the slider's places. A turn: the crank stops
+found behind it is compared with the one that made the slider's places. A motion is on the other
+branch without a word if `ambiguous` is false at its end. A turn: the crank stops
 before the dead point, 2 to 20 times its mean step away, and turns back. A crossing: the crank of a
 random parallelogram, crossed four-bar or kite goes through its flat position. Costs are the
 fastest of several repetitions (others use the machine too).
@@ -133,10 +134,11 @@ def turning(random: np.random.Generator, noise: float) -> tuple[NDArray[np.float
 
 
 def campaign(kind: str, motions: int, noise: float, seed: int) -> dict[str, Any]:
-    """So many random motions; how often the crank ended on the other branch."""
+    """So many random motions; how often the crank ended on the other branch, how often without a
+    word, and how many motions were called a guess."""
     closure, random = Closure(CRANK, ['guide'], noise=noise), np.random.default_rng(seed)
     pin = closure.joint_names.index('pin')
-    flips = calls = 0
+    flips = silent = guesses = calls = 0
     worst, missed_by, spent = 0.0, 0.0, 0.0
     for _ in range(motions):
         angle, dead = (passing if kind == 'pass' else turning)(random, noise)
@@ -147,7 +149,10 @@ def campaign(kind: str, motions: int, noise: float, seed: int) -> dict[str, Any]
         spent += time.perf_counter() - began
         found = values[:, pin]
         error = abs(found[-1] - angle[-1])
-        flips += bool(error > abs(angle[-1] - dead))
+        other = bool(error > abs(angle[-1] - dead))
+        flips += other
+        silent += other and not closure.ambiguous
+        guesses += closure.ambiguous
         if not noise:
             worst = max(worst, float(error))
         missed_by = max(missed_by, float(missed.max()))
@@ -158,6 +163,8 @@ def campaign(kind: str, motions: int, noise: float, seed: int) -> dict[str, Any]
         'motions': motions,
         'calls': calls,
         'other_branch': flips,
+        'without_a_word': silent,
+        'guesses': guesses,
         'worst_rad': f'{worst:.1e}' if not noise else '',
         'missed_by_m': f'{missed_by:.1e}',
         'us_a_call': f'{1e6 * spent / calls:.1f}',
@@ -167,7 +174,7 @@ def campaign(kind: str, motions: int, noise: float, seed: int) -> dict[str, Any]
 def crossings(motions: int, seed: int) -> dict[str, Any]:
     """So many random four-bars through their flat positions, by calls that meet them or not."""
     random = np.random.default_rng(seed)
-    flips = calls = 0
+    flips = silent = guesses = calls = 0
     worst, missed_by, spent = 0.0, 0.0, 0.0
     for _ in range(motions):
         bars, a, b, angle = random_motion(random)
@@ -179,6 +186,8 @@ def crossings(motions: int, seed: int) -> dict[str, Any]:
         *_, x, y = bars(a, b, float(angle[-1]))
         error = math.hypot(at[0] - x, at[1] - y) / (b if bars is kite else a)
         flips += error > NEAR
+        silent += error > NEAR and not closure.ambiguous
+        guesses += closure.ambiguous
         worst, missed_by = max(worst, error), max(missed_by, float(missed.max()))
         calls += angle.size - 1
     return {
@@ -187,6 +196,8 @@ def crossings(motions: int, seed: int) -> dict[str, Any]:
         'motions': motions,
         'calls': calls,
         'other_branch': flips,
+        'without_a_word': silent,
+        'guesses': guesses,
         'worst_rad': f'{worst:.1e}',
         'missed_by_m': f'{missed_by:.1e}',
         'us_a_call': f'{1e6 * spent / calls:.1f}',
@@ -203,7 +214,7 @@ def write(name: str, rows: list[dict[str, Any]]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--passes', type=float, default=1e6)
+    parser.add_argument('--passes', type=float, default=1.6e6)
     parser.add_argument('--noisy', type=float, default=1e5)
     parser.add_argument('--crossings', type=float, default=1e4)
     options = parser.parse_args()

@@ -237,8 +237,8 @@ def closure() -> str:
 def closure_passes() -> str:
     """How often a branch was lost."""
     about, found = rows('closure_passes.csv')
-    head = 'motion | noise, m | motions | calls | other branch | largest error at the end, rad '
-    head += '| values missed by, m | µs a call'
+    head = 'motion | noise, m | motions | calls | other branch | of these without a word '
+    head += '| called a guess | largest error at the end, rad | values missed by, m | µs a call'
     return markdown(about, head, [list(row.values()) for row in found])
 
 
