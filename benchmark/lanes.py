@@ -32,13 +32,25 @@ from alf_ros.scene.overrides import with_changes  # noqa: E402
 from alf_ros.simulation.side_by_side import WIDTHS, SideBySide  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
-FOUR_BARS = {f'four-bars, N = {n}': ('n_four_bar', {'N': n}) for n in (2, 10, 40)}
-MECHANISMS = {
-    **FOUR_BARS,
-    'slider_crank': ('slider_crank', {}),
-    'double_pendulum': ('double_pendulum', {}),
-    'delta_robot': ('delta_robot', {}),
-    'stewart_platform': ('stewart_platform', {}),
+SPRING = {'between': '[A, O]', 'at': '[~, ~]', 'stiffness': '30', 'free_length': '0.7'}
+EFFECTS = {
+    'spring': SPRING,
+    'damper': {'between': '[A, B]', 'damping': '0.1'},
+    'drag': {'on': 'coupler', 'linear': '0.1'},
+    'joint_friction': {'joint': 'crank_pin', 'viscous': '0.1'},
+}
+# the name of a scene, its parameters, and effects that it has besides gravity
+MECHANISMS: dict[str, tuple[str, dict[str, float], Sequence[str]]] = {
+    'four-bars, N = 2': ('n_four_bar', {'N': 2}, ()),
+    'four-bars, N = 10': ('n_four_bar', {'N': 10}, ()),
+    'four-bars, N = 40': ('n_four_bar', {'N': 40}, ()),
+    'slider_crank': ('slider_crank', {}, ()),
+    'with a spring': ('slider_crank', {}, ('spring',)),
+    'with viscous friction': ('slider_crank', {}, ('joint_friction',)),
+    'with a spring, damper, drag': ('slider_crank', {}, ('spring', 'damper', 'drag')),
+    'double_pendulum': ('double_pendulum', {}, ()),
+    'delta_robot': ('delta_robot', {}, ()),
+    'stewart_platform': ('stewart_platform', {}, ()),
 }
 SETTINGS = (
     ('rk4', 2e-3),
@@ -52,9 +64,15 @@ ROUNDS = 5
 COLUMNS = 'mechanism,integrator,step_s,lanes,lanes_us,alone_us,ratio,apart'.split(',')
 
 
-def scenes_of(name: str, parameters: Mapping[str, float], members: int) -> list[Scene]:
+def scenes_of(
+    name: str, parameters: Mapping[str, float], members: int, effects: Sequence[str] = ()
+) -> list[Scene]:
     """Members that differ in gravity, up to 5 %."""
-    scene = load_scene(name, parameters)
+    given = {
+        f'effects.{effect}': f'{{{", ".join(f"{k}: {v}" for k, v in EFFECTS[effect].items())}}}'
+        for effect in effects
+    }
+    scene = with_changes(load_scene(name, parameters), given)
     (gravity,) = (effect for effect in scene.effects if effect.kind == 'gravity')
     down = np.array(gravity.parameters.acceleration)
     return [
@@ -111,15 +129,15 @@ def main() -> None:
     options = parser.parse_args()
     widths = [lanes for lanes in (width() // 2, width(), 2 * width()) if lanes in WIDTHS]
     heads = f'{"lanes":>6}{"step, ms":>10}{"together, us":>13}{"alone, us":>11}'
-    print(f'{"":33}{heads}{"ratio":>7}{"apart":>7}')
+    print(f'{"":43}{heads}{"ratio":>7}{"apart":>7}')
     rows: list[list[object]] = []
-    for label, (name, parameters) in MECHANISMS.items():
-        scenes = scenes_of(name, parameters, options.members)
+    for label, (name, parameters, effects) in MECHANISMS.items():
+        scenes = scenes_of(name, parameters, options.members, effects)
         for lanes, (integrator, h) in product(widths, SETTINGS):
             each, alone, apart = measured(scenes, integrator, h, lanes)
             rows.append([label, integrator, h, lanes, each, alone, each / alone, apart])
             print(
-                f'{label:18}{integrator:>15}{lanes:6}{1e3 * h:10g}{each:13.3f}{alone:11.3f}'
+                f'{label:28}{integrator:>15}{lanes:6}{1e3 * h:10g}{each:13.3f}{alone:11.3f}'
                 f'{each / alone:7.3f}{apart:7.3f}',
                 flush=True,
             )

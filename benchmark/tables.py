@@ -224,6 +224,29 @@ def day() -> str:
     return markdown(about, 'quantity | value', body)
 
 
+def lanes() -> str:
+    """A step of a member in lanes beside its single run."""
+    about, found = rows('lanes.csv')
+    widths = sorted({int(row['lanes']) for row in found})
+    head = 'mechanism | integrator | step, ms | '
+    head += ' | '.join(f'{lanes} lanes, µs' for lanes in widths)
+    head += ' | alone, µs | ' + ' | '.join(f'ratio, {lanes}' for lanes in widths[1:])
+    head += ' | steps taken alone'
+    cases: dict[tuple[str, str, str], dict[int, dict[str, str]]] = {}
+    for row in found:
+        case = row['mechanism'], row['integrator'], f'{1e3 * float(row["step_s"]):g}'
+        cases.setdefault(case, {})[int(row['lanes'])] = row
+    body = []
+    for case, by_width in cases.items():
+        each = [by_width[lanes] for lanes in widths]
+        alone = min(float(row['alone_us']) for row in each)
+        times = [f'{float(row["lanes_us"]):.3g}' for row in each]
+        ratios = [f'{float(row["ratio"]):.2f}' for row in each[1:]]
+        apart = f'{100.0 * float(each[0]["apart"]):.1f} %'
+        body.append([*case, *times, f'{alone:.3g}', *ratios, apart])
+    return markdown(about, head, body)
+
+
 def closure() -> str:
     """The cost of closing loops."""
     about, found = rows('closure.csv')
@@ -333,6 +356,7 @@ TABLES = (
     ('new_user', new_user),
     ('soak', soak),
     ('day', day),
+    ('lanes', lanes),
     ('closure', closure),
     ('closure_passes', closure_passes),
     ('robots', robots),

@@ -238,17 +238,24 @@ def _finished(problem: Problem, f: Floats, x: Floats, slowest: float) -> float:
 
 
 @inner
-def apply(problem: Problem, t: float) -> None:
-    """Q at q, q̇ in `work`, but for friction that depends on reactions; of an implicit method with
-    (M̂ - M) k. Notes in `work.sides` whether a kink is between here and the start of the step."""
-    system, work, effects = problem.system, problem.work, problem.forces.effects
-    applied_forces(effects, t, work.q, work.qd, work.near, work.Q)
+def note_side(problem: Problem, t: float) -> None:
+    """Note in `work.sides` whether a kink is between q, q̇ in `work` and the start of the step."""
+    work, effects = problem.work, problem.forces.effects
     if effects.side.size > 0:
         here = sides(effects, t, work.q, work.qd, work.near)
         if np.isnan(work.sides[0]):
             work.sides[0] = here
         if here != work.sides[0]:
             work.sides[1] = 1.0
+
+
+@inner
+def apply(problem: Problem, t: float) -> None:
+    """Q at q, q̇ in `work`, but for friction that depends on reactions; of an implicit method with
+    (M̂ - M) k. Notes the side, as `note_side` does."""
+    system, work, effects = problem.system, problem.work, problem.forces.effects
+    applied_forces(effects, t, work.q, work.qd, work.near, work.Q)
+    note_side(problem, t)
     if system.soft.weight.size > 0:
         add_soft_times(problem.unit, system.soft, 1.0, system.soft.k, work.Q)
 

@@ -17,16 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
-from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
+from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress, progress_of
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
 from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptively
-from alf_ros.kernel.lanes.single_member import functions_of_members
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.model.member_structs import LanesOfMembers, MemberStructs
 from alf_ros.model.member_systems import NUMBERS, SOLVES, MemberSystems
 from alf_ros.model.penalty import LEAST_PENALTY
 from alf_ros.model.tableaux import first_pace
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.lane_crews import crew_of
 from alf_ros.simulation.member_numbers import Likeness, MemberNumbers
 from alf_ros.simulation.member_readings import MemberReadings
 from alf_ros.simulation.quantities import Quantity
@@ -81,7 +81,7 @@ class AlikeMembers:
             simulation, quantities, likeness.rows, self._problems, self._phases
         )
         progress = MemberStructs(
-            LaneProgress(*np.zeros((8, 1))), self.most, LaneProgress.__dataclass_fields__
+            progress_of(problem.work.q.size), self.most, LaneProgress.__dataclass_fields__
         )
         self._of_problems = LanesOfMembers(self._problems, self._lanes)
         self._of_phases = LanesOfMembers(self._phases, self._lanes)
@@ -97,21 +97,14 @@ class AlikeMembers:
 
     def _crew(self, g: int) -> LaneCrew:
         own = slice(g * self._lanes, (g + 1) * self._lanes)
-        dimension, lanes = self._of.model.layout.dimension, self._lanes
-        addresses = functions_of_members(dimension, self._adaptive)
-        steady = int(self._of._run.applied.is_steady)
-        dated = int(self._of._run.applied.assembled.kinks.instants.size > 0)
-        alone, forces, drives = (np.array([each], dtype=np.uint64) for each in addresses)
-        return LaneCrew(
-            problem=self._problems.addresses[own].copy(),
-            phase=self._phases.addresses[own].copy(),
-            alone=alone,
-            forces=forces,
-            drives=drives,
-            steady=np.array([steady]),
-            dated=np.array([dated]),
-            result=np.zeros(lanes, dtype=np.int64),
-            apart=np.zeros(lanes, dtype=np.int64),
+        applied = self._of._run.applied
+        return crew_of(
+            self._problems.addresses[own].copy(),
+            self._phases.addresses[own].copy(),
+            [applied],
+            [applied.assembled.effects],
+            self._of.model.layout.dimension,
+            self._adaptive,
         )
 
     def run(

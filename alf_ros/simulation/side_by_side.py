@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import math
+import operator
 import time
 from collections.abc import Container, Sequence
 from contextlib import ExitStack
@@ -18,14 +19,15 @@ import numpy as np
 from alf_ros.arrays import Addresses
 from alf_ros.errors import AlfError, BusyError, InputError, StepError
 from alf_ros.kernel import Status
-from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
+from alf_ros.kernel.data import Phase, Problem
+from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, progress_of
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
 from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptively
-from alf_ros.kernel.lanes.single_member import functions_of_members
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.lane_crews import crew_of
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -46,20 +48,10 @@ class _Group:
         problems = [each._run.stepper.problem_of(each._run.present) for each in self._all]
         phases = [each._run.present.phase for each in self._all]
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
-        self.progress = LaneStruct([LaneProgress(*np.zeros((8, 1))) for _ in self._all])
+        size = problems[0].work.q.size
+        self.progress = LaneStruct([progress_of(size) for _ in self._all])
         self._is_adaptive = is_adaptive(members[0])
-        steps, forces, drives = functions_of_members(len(problems[0].unit), self._is_adaptive)
-        self.crew = LaneCrew(
-            _addresses(problems),
-            _addresses(phases),
-            _as_array(steps),
-            _as_array(forces),
-            _as_array(drives),
-            np.zeros(1, dtype=np.int64),
-            np.zeros(1, dtype=np.int64),
-            np.zeros(lanes, dtype=np.int64),
-            np.zeros(lanes, dtype=np.int64),
-        )
+        self.crew = self._crew(problems, phases)
         self.listener = Listener(self.problem.work)
         # (lanes,) number of steps, targets, most iterations: of the kernel
         progress = self.progress
@@ -71,12 +63,27 @@ class _Group:
         self._taken = np.zeros(lanes)  # steps in lanes that the members do not count yet
         self._begun = np.zeros(lanes)
 
+    def _crew(self, problems: Sequence[Problem], phases: Sequence[Phase]) -> LaneCrew:
+        self._effects = [each.forces.effects for each in problems]
+        return crew_of(
+            _addresses(problems),
+            _addresses(phases),
+            [each._run.present.applied for each in self._all],
+            self._effects,
+            len(problems[0].unit),
+            self._is_adaptive,
+        )
+
     def bind(self) -> None:
         """Take the members as they are now."""
         self.of = [each._run.stepper.problem_of(each._run.present) for each in self._all]
         self.of_phase = [each._run.present.phase for each in self._all]
-        self.crew.problem[:], self.crew.phase[:] = _addresses(self.of), _addresses(self.of_phase)
-        self.crew.steady[0] = all(each._run.present.applied.is_steady for each in self._all)
+        effects = [each.forces.effects for each in self.of]
+        if all(map(operator.is_, effects, self._effects)):
+            self.crew.problem[:] = _addresses(self.of)
+            self.crew.phase[:] = _addresses(self.of_phase)
+        else:
+            self.crew = self._crew(self.of, self.of_phase)
         self.crew.dated[0] = any(each.forces.kinks.instants.size for each in self.of)
         self._index[:] = [each.step_index for each in self._all]
 
@@ -311,7 +318,3 @@ def _pattern(simulation: Simulation) -> bytes:
 
 def _addresses(structs: Sequence[Any]) -> Addresses:
     return np.array([each._address for each in structs], dtype=np.uint64)
-
-
-def _as_array(address: int) -> Addresses:
-    return np.array([address], dtype=np.uint64)

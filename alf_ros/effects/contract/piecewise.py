@@ -59,9 +59,9 @@ def pieces(points: Points, column: int = 1, cubic: bool = False, hold: bool = Fa
 
 
 def law(factor: float | None, points: Points | None) -> Floats:
-    """f = factor x, or piecewise linear through points (x, f). Raises ValueError."""
+    """f = factor x, in one piece, or piecewise linear through points (x, f). Raises ValueError."""
     if points is None:
-        points = [(0.0, 0.0), (1.0, factor or 0.0)]
+        return np.array([0.0, 0.0, 0.0, factor or 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     if len(points[0]) != 2:
         raise ValueError('this table has two columns')
     return pieces(points)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.kernel.numba_ext.structs import Struct
 
@@ -12,13 +14,16 @@ from alf_ros.kernel.numba_ext.structs import Struct
 class LaneCrew(Struct):
     """Where the data of each member stand, and functions for one of them."""
 
-    addresses = ('problem', 'phase', 'alone', 'forces', 'drives')
+    addresses = ('problem', 'phase', 'alone', 'forces', 'drives', 'lane_force')
 
     problem: Addresses  # (W,) of its Problem
     phase: Addresses  # (W,) of its Phase
     alone: Addresses  # (1,) where the code of steps of one member begins
-    forces: Addresses  # (1,) of the function that puts Q of one member into its work
+    forces: Addresses  # (3,) of functions for one member: Q into its work, one effect, its side
     drives: Addresses  # (1,) of the function that places its prescribed blocks
+    lane_force: Addresses  # (effects,) of force() for lanes, 0: none; (0,): for each member alone
+    params: Floats  # (numbers W,) of `Effects.params`, in lanes
+    parted: Integers  # (1,) 1 if the members have taken different branches of a force
     steady: Integers  # (1,) 1 if Q depends neither on time nor on the motion
     dated: Integers  # (1,) 1 if forces or drives have kinks over time
     result: Integers  # (W,) of the steps of each
@@ -37,6 +42,12 @@ class LaneProgress(Struct):
     left: Floats  # (1,) s, of its step of the grid, or to a kink over time
     most: Floats  # (1,) most iterations in one solve
     across: Floats  # (1,) 1 if a kink of the forces is in its step, of an adaptive method
+    Q: Floats  # (blocks D,) N, of the effects before one at which the members part
+
+
+def progress_of(blocks: int) -> LaneProgress:
+    """Of a member with so many numbers of q."""
+    return LaneProgress(*[*np.zeros((8, 1)), np.zeros(blocks)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,13 @@ import numpy as np
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
-from alf_ros.kernel.lanes.single_member import put_lane, steady_forces, step_alone, take_phase
+from alf_ros.kernel.lanes.single_member import (
+    put_lane,
+    steady_forces,
+    step_alone,
+    take_params,
+    take_phase,
+)
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, note_det
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, inner
@@ -33,12 +39,13 @@ def take_members(
     of: Problem,
     of_phase: Phase,
 ) -> None:
-    """States, judgements and numbers of steps of the members."""
+    """States, judgements, numbers of steps and of effects of the members."""
     for m in range(ZERO, np.uint64(crew.problem.size)):
         member = struct_at(of, crew.problem[m])
         state = struct_at(of_phase, crew.phase[m])
         take_phase(phase, problem.work, state, member, m)
         set_lane(progress.index, ZERO, m, float(state.step[0]))
+    take_params(of, crew)
 
 
 @inner

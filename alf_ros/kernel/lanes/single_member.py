@@ -1,8 +1,8 @@
-"""Tasks of a group for one member after another: forces, prescribed motions, steps alone.
+"""Tasks of a group that call functions of its members: forces, prescribed motions, steps alone.
 
-Effects and drives are functions of one mechanism, called by their addresses. They read and write
-the workspace of the member itself. A member steps alone by the machine code of a single run, which
-is called where it begins: it is not compiled again.
+Drives, and effects at which members part (`lane_force`), are functions of one mechanism, called by
+their addresses. They read and write the workspace of the member itself. A member steps alone by
+the machine code of a single run, which is called where it begins: it is not compiled again.
 """
 
 from __future__ import annotations
@@ -12,15 +12,17 @@ from functools import cache
 import numpy as np
 from numba import typeof, types
 
-from alf_ros.arrays import Floats
+from alf_ros.arrays import Addresses, Floats
 from alf_ros.kernel.adaptive import advance_adaptively
-from alf_ros.kernel.augmented_solve import apply
+from alf_ros.kernel.applied_forces import add_one
+from alf_ros.kernel.augmented_solve import apply, note_side
 from alf_ros.kernel.data import Phase, Problem, Span, Work
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
 from alf_ros.kernel.fixed_steps import advance
 from alf_ros.kernel.numba_ext.calls import call, call_for_counts, entry
 from alf_ros.kernel.numba_ext.jit import ZERO, by_address, inner
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
+from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 
 
@@ -43,6 +45,9 @@ def lane_forces(problem: Problem, of: Problem, crew: LaneCrew, progress: LanePro
     """Q at q, q̇ of `problem`, in lanes, unless it is known. `of`: any member."""
     if crew.steady[0] != 0:
         return
+    if crew.lane_force.size > 0:
+        _forces_in_lanes(problem, of, crew, progress)
+        return
     work = problem.work
     n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
     for m in range(ZERO, np.uint64(crew.problem.size)):
@@ -51,6 +56,92 @@ def lane_forces(problem: Problem, of: Problem, crew: LaneCrew, progress: LanePro
         put_lane(work.qd, member.work.qd, n, m)
         call(crew.forces[0], member, lane(progress.t, ZERO, m))
         take_lane(member.work.Q, work.Q, ZERO, whole, m)
+
+
+@inner
+def _forces_in_lanes(
+    problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress
+) -> None:
+    """The same, effect by effect: of all members at once, or where they part of one after
+    another. All have the same effects."""
+    work, effects = problem.work, struct_at(of, crew.problem[ZERO]).forces.effects
+    lanes, given = np.uint64(crew.problem.size), False
+    zero(work.Q)
+    for e in range(ZERO, np.uint64(crew.lane_force.size)):
+        if crew.lane_force[e] != 0:
+            copy(work.Q, progress.Q)
+            crew.parted[0] = 0
+            call(
+                crew.lane_force[e],
+                progress.t,
+                work.q,
+                work.qd,
+                work.near,
+                effects.slots,
+                effects.slots_at[e],
+                crew.params,
+                effects.params_at[e] * lanes,
+                work.Q,
+                crew.parted,
+            )
+            if crew.parted[0] == 0:
+                continue
+            copy(progress.Q, work.Q)
+        _add_to_each(problem, of, crew, progress, e, given)
+        given = True
+    if effects.side.size > 0:
+        _note_sides(problem, of, crew, progress, given)
+
+
+@inner
+def _add_to_each(
+    problem: Problem,
+    of: Problem,
+    crew: LaneCrew,
+    progress: LaneProgress,
+    e: np.uint64,
+    given: bool,
+) -> None:
+    """Q += the force of effect number e, member by member. `given`: they have q and q̇."""
+    work, whole = problem.work, np.uint64(problem.work.q.size)
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[m])
+        _give(problem, member, m, given)
+        put_lane(work.Q, member.work.Q, whole, m)
+        call(crew.forces[1], member, e, lane(progress.t, ZERO, m))
+        take_lane(member.work.Q, work.Q, ZERO, whole, m)
+
+
+@inner
+def _note_sides(
+    problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress, given: bool
+) -> None:
+    """`note_side` of each member. `given`: they have q and q̇."""
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[m])
+        _give(problem, member, m, given)
+        call(crew.forces[2], member, lane(progress.t, ZERO, m))
+
+
+@inner
+def _give(problem: Problem, member: Problem, m: np.uint64, given: bool) -> None:
+    """q and q̇ of lane m to its member, unless it has them."""
+    n = np.uint64(problem.work.p.size)
+    if not given:
+        put_lane(problem.work.q, member.work.q, n, m)
+        put_lane(problem.work.qd, member.work.qd, n, m)
+
+
+@inner
+def take_params(of: Problem, crew: LaneCrew) -> None:
+    """The numbers of the effects of all members, if forces are computed in lanes."""
+    if crew.lane_force.size == 0:
+        return
+    lanes = np.uint64(crew.problem.size)
+    for m in range(ZERO, lanes):
+        params = struct_at(of, crew.problem[m]).forces.effects.params
+        for i in range(ZERO, np.uint64(params.size)):
+            crew.params[i * lanes + m] = params[i]
 
 
 @inner
@@ -107,6 +198,15 @@ def _apply(problem: Problem, t: float) -> None:
     apply(problem, t)
 
 
+def _add_force(problem: Problem, e: int, t: float) -> None:
+    work = problem.work
+    add_one(problem.forces.effects, e, t, work.q, work.qd, work.near, work.Q)
+
+
+def _note_side(problem: Problem, t: float) -> None:
+    note_side(problem, t)
+
+
 def _prescribe(problem: Problem, t: float) -> None:
     work = problem.work
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
@@ -122,11 +222,18 @@ def step_alone(
 
 
 @cache
-def functions_of_members(dimension: int, adaptive: bool) -> tuple[int, int, int]:
-    """Addresses of code for 2 or 3 dimensions: steps of a member alone, with a fixed length or
-    `adaptive`; its forces, its drives."""
+def functions_of_members(dimension: int, adaptive: bool) -> tuple[Addresses, Addresses, Addresses]:
+    """`alone`, `forces` and `drives` of a `LaneCrew`, in 2 or 3 dimensions: steps of a fixed
+    length, or `adaptive`."""
     problem, phase = Problem._numba_type(dimension), Phase._numba_type()
     now = types.void(problem, types.float64)
+    one = types.void(problem, types.uint64, types.float64)
     span = typeof(Span(0.0, 0, 1, 0.0))
     alone = entry(advance_adaptively if adaptive else advance, problem, phase, span, types.boolean)
-    return alone, by_address(now)(_apply).address, by_address(now)(_prescribe).address
+    forces = [by_address(now)(_apply), by_address(one)(_add_force), by_address(now)(_note_side)]
+    drives = [by_address(now)(_prescribe)]
+    return (
+        np.array([alone], dtype=np.uint64),
+        np.array([each.address for each in forces], dtype=np.uint64),
+        np.array([each.address for each in drives], dtype=np.uint64),
+    )

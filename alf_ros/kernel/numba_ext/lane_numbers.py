@@ -238,7 +238,7 @@ for _sign, _function in (
     _comparison(_sign, _function)
 
 
-def _lane_by_lane(function: Any, count: int = 1) -> None:
+def lane_by_lane(function: Any, count: int = 1) -> None:
     """Take a function of `count` numbers for each lane."""
 
     class _LaneByLane(AbstractTemplate):
@@ -270,10 +270,11 @@ def _lane_by_lane(function: Any, count: int = 1) -> None:
     lower_builtin(function, *[LanesType] * count)(lower)
 
 
-for _function in (np.sin, np.cos, np.log, np.rint):
-    _lane_by_lane(_function)
-_lane_by_lane(np.arctan2, 2)
-_lane_by_lane(operator.pow, 2)
+KNOWN = np.sin, np.cos, np.log, np.rint, np.arctan2, operator.pow  # lane by lane
+for _function in KNOWN[:4]:
+    lane_by_lane(_function)
+for _function in KNOWN[4:]:
+    lane_by_lane(_function, 2)
 
 
 # ------------------------------------------------------------------------------------ masks

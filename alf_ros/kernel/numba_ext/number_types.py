@@ -1,7 +1,7 @@
 """Types of compiled code that are made of named parts, and numbers among them.
 
-Dual, traced and branch numbers are such numbers: a value with a slope, a place or a note.
-A plain number becomes one of them where both are met.
+Dual, traced and branch numbers are such numbers: a value with a slope, a place or a note; so are
+lanes that may part. A plain number becomes one of them where both are met.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class NumberType(PartsType, PlainBecomes):
             for part in to.parts:
                 number = to.plain.get(part)
                 setattr(made, part, ir.Constant(getattr(made, part).type, number))
-            made.value = context.cast(builder, value, of, types.float64)
+            made.value = context.cast(builder, value, of, to.kinds[0])
             return made._getvalue()
 
         for plain in PLAIN:

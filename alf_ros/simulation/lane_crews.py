@@ -1,0 +1,71 @@
+"""The crew of a group of lanes: its members, and functions for all of them or for one.
+
+Forces are computed for all members at once where they have the same effects with other numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from alf_ros import effects as registry
+from alf_ros.arrays import Addresses
+from alf_ros.kernel import Effects
+from alf_ros.kernel.data.lane_crew import LaneCrew
+from alf_ros.kernel.lanes.single_member import functions_of_members
+from alf_ros.kernel.numba_ext.lane_structs import aligned
+from alf_ros.simulation.applied import Applied
+
+
+def crew_of(
+    problems: Addresses,
+    phases: Addresses,
+    applied: Sequence[Applied],
+    effects: Sequence[Effects],
+    dimension: int,
+    adaptive: bool,
+) -> LaneCrew:
+    """The crew of members with these structs and forces. `effects` may have one for all members.
+
+    `dimension` and `adaptive`: as of `functions_of_members`.
+    """
+    lanes = problems.size
+    steps, forces, drives = functions_of_members(dimension, adaptive)
+    steady = all(each.is_steady for each in applied)
+    found = [] if steady else _lane_forces(applied[0].kinds, effects, lanes)
+    numbers = effects[0].params.size if found else 0
+    return LaneCrew(
+        problem=problems,
+        phase=phases,
+        alone=steps,
+        forces=forces,
+        drives=drives,
+        lane_force=np.array(found, dtype=np.uint64),
+        params=aligned(numbers, lanes).ravel(),
+        parted=np.zeros(1, dtype=np.int64),
+        steady=np.array([steady], dtype=np.int64),
+        dated=np.array([any(each.instants.size for each in applied)], dtype=np.int64),
+        result=np.zeros(lanes, dtype=np.int64),
+        apart=np.zeros(lanes, dtype=np.int64),
+    )
+
+
+def _lane_forces(kinds: Sequence[str], effects: Sequence[Effects], lanes: int) -> list[int]:
+    """`LaneCrew.lane_force`, of effects whose first have these kinds."""
+    if not all(_are_alike(effects[0], each) for each in effects):
+        return []
+    # it teaches numba new types: only where somebody asks
+    from alf_ros.effects.contract.lane_force import lane_force
+
+    found = [lane_force(registry.load(kind).force._pyfunc, lanes) for kind in kinds]
+    return found if any(found) else []
+
+
+def _are_alike(one: Effects, other: Effects) -> bool:
+    """Whether effects have the same functions, and their numbers stand in the same places."""
+    if one is other:
+        return True
+    names = 'force', 'side', 'slots', 'slots_at', 'params_at'
+    pairs = [(getattr(one, name), getattr(other, name)) for name in names]
+    return one.params.size == other.params.size and all(np.array_equal(*pair) for pair in pairs)
