@@ -315,7 +315,7 @@ def test_counts_of_the_library(name: str, values: dict[str, float], count: int) 
 def test_what_a_search_says() -> None:
     found = assemblies('four_bar', {'crank_pin': 0.7}, starts=50)
     assert found.closed >= sum(each.hits for each in found.positions)
-    assert found.missing == 0.0 and found.statement.startswith('2 found by a search: ')
+    assert 0.01 < found.missing < 0.12 and found.statement.startswith('2 found by a search: ')
     assert found[0].joints['crank_pin'] == pytest.approx(0.7, abs=1e-12)
     assert all(each.sigma > 0.01 for each in found.positions)
 

@@ -19,6 +19,7 @@ from alf_ros.studies.atlas.coordinate_reader import CoordinateReader
 from alf_ros.studies.atlas.map_coordinate import coordinate_named
 from alf_ros.studies.atlas.map_search import LARGEST
 from alf_ros.studies.atlas.random_places import RandomPlaces
+from alf_ros.studies.atlas.search_certainty import in_words, most_missing
 from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
 
 _SAME = 1e-7  # of the size: positions that are one
@@ -45,9 +46,10 @@ class FoundAssembly:
 class Assemblies:
     """All assemblies that a search found, the most frequent first.
 
-    starts: random starts; closed: of these that closed; missing: the part of further starts that
-    would find another one, as Good and Turing estimate it: the part that found one which no other
-    start found. statement: all of this in words.
+    starts: random starts; closed: of these that closed; missing: the largest part of further
+    starts that would find another one, with 95 % confidence (`search_certainty`). It is never 0: a
+    search proves nothing about positions that hardly any start leads to. statement: all of this in
+    words.
     """
 
     positions: tuple[FoundAssembly, ...]
@@ -106,7 +108,7 @@ def assemblies(
             f'no assembly: {search.starts} random starts, {search.why or "none closed"}',
             key='values',
         )
-    return search.result(patience, seed)
+    return search.result(seed)
 
 
 class _AssemblySearch:
@@ -117,14 +119,13 @@ class _AssemblySearch:
         self._handedness = Handedness(model)
         self.found: list[Floats] = []
         self.hits: list[int] = []
-        self.starts = self.closed = 0
+        self.starts = self.closed = self.vain = 0
         self.why = ''
 
     def run(self, patience: int) -> None:
         """Start until `patience` places in a row found nothing new."""
-        vain = 0
-        while vain < patience and self.starts < _MOST_STARTS * patience:
-            vain = 0 if self._start() else vain + 1
+        while self.vain < patience and self.starts < _MOST_STARTS * patience:
+            self.vain = 0 if self._start() else self.vain + 1
 
     def _start(self) -> bool:
         """Whether the next place leads to a new position."""
@@ -159,19 +160,19 @@ class _AssemblySearch:
         self.hits.append(1)
         return True
 
-    def result(self, patience: int, seed: int) -> Assemblies:
+    def result(self, seed: int) -> Assemblies:
         """The positions in order, and what the search was."""
         order = sorted(range(len(self.found)), key=lambda n: -self.hits[n])
         reader = CoordinateReader(self._model)
-        once = self.hits.count(1)
-        told = f'{len(order)} found by a search: {self.starts} random starts, until {patience} in '
-        told += f'a row found nothing new (seed {seed}); {self.closed} closed, each position '
-        told += f'{min(self.hits)} to {max(self.hits)} times'
+        missing = most_missing(self.vain, len(order))
+        told = f'{len(order)} found by a search: {self.starts} random starts, until {self.vain} '
+        told += f'in a row found nothing new (seed {seed}); {self.closed} closed, each position '
+        told += f'{min(self.hits)} to {max(self.hits)} times; {in_words(missing)}'
         return Assemblies(
             tuple(self._assembly(reader, self.found[n], self.hits[n]) for n in order),
             self.starts,
             self.closed,
-            once / self.closed,
+            missing,
             told,
         )
 

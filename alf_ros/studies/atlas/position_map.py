@@ -21,6 +21,7 @@ from alf_ros.studies.atlas.curve_search import Node
 from alf_ros.studies.atlas.map_coordinate import MapCoordinate, coordinate_named
 from alf_ros.studies.atlas.map_search import Held, MapRequest, Sheet, consistent, searched
 from alf_ros.studies.atlas.mapped_piece import TRAVEL_LIMIT, MappedPiece, Turning
+from alf_ros.studies.atlas.search_certainty import in_words, most_missing
 from alf_ros.studies.atlas.transmission import Bar, bar_between
 from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
 
@@ -249,19 +250,18 @@ def _times(value: float, low: float, high: float, is_angle: bool) -> int:
 
 
 def _statement(sheets: Sequence[Sheet], request: MapRequest) -> str:
-    """How the search was made, and how many starts would find more, by Good and Turing: as many as
-    found a circuit that no other start found."""
+    """How the search was made, and how many further starts would find more at most."""
     tried = sum(sheet.starts for sheet in sheets)
     fitting = sum(sheet.closed_starts - sheet.mirrored - sheet.rigid for sheet in sheets)
     circuits = sum(len(sheet.hits) for sheet in sheets)
-    once = sum(1 for sheet in sheets for hits in sheet.hits.values() if hits == 1)
     cut = sum(1 for sheet in sheets for piece in sheet.pieces if not piece.piece.complete)
     told = f'a search: {tried} random starts, until {request.starts} in a row found nothing new '
-    told += (
-        f'(seed {request.seed}); {fitting} closed, on {circuits} circuits, {once} of them hit once'
+    told += f'(seed {request.seed}); {fitting} closed, on {circuits} circuits; '
+    told += in_words(
+        max(most_missing(sheet.vain, sheet.finds + 1, len(sheets)) for sheet in sheets)
     )
-    if once:
-        told += f': about {max(1, round(100.0 * once / fitting))} % of more starts would find more'
+    if len(sheets) > 1:
+        told += ', at each level'
     rigid = sum(sheet.rigid for sheet in sheets)
     if rigid:
         told += f'; {rigid} closed where redundant constraints let nothing move, of no circuit'

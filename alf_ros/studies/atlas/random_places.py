@@ -18,6 +18,7 @@ from alf_ros.model.compile import Model
 
 _NOISE, _FLIP, _TURN = range(3)
 _TURNS = (_NOISE, _FLIP, _TURN, _TURN)  # kinds of places, in turn
+KINDS = len(_TURNS)  # starts of a round
 _AMPLITUDES = (0.1, 0.3, 1.0)  # of the size: noise
 
 
