@@ -379,3 +379,44 @@ def crank_and_rocker() -> dict[str, Any]:
             },
         },
     }
+
+
+# ----------------------------------------------------------------------- a leg with a cross
+
+
+def test_the_cross_of_a_leg_may_be_turned_round() -> None:
+    """Five bars and a leg on a universal joint hold the plate. Of each of the 16 plates there are
+    two assemblies: the cross as drawn, and turned round by half a turn about the leg."""
+    plate = plates()[0]
+    mechanism = six_legs(plate)
+    corner, foot = plate[:3], BASE[0]
+    along = (corner - foot) / np.linalg.norm(corner - foot)
+    first = np.cross([0.0, 0.0, 1.0], along)
+    first /= np.linalg.norm(first)
+    mechanism['vectors'] = {'u': {'along': along.tolist()}}
+    half = {'vectors': ['u'], 'mass': 1.0, 'inertia': {'about_com': [0.1, 0.1, 0.1]}}
+    mechanism['bodies'] |= {
+        'lower': {'points': ['A0'], **half, 'com': [0.1, 0, 0]},
+        'upper': {'points': ['T0'], **half, 'com': [-0.1, 0, 0]},
+    }
+    del mechanism['joints']['leg00']
+    mechanism['joints'] |= {
+        'base': {
+            'type': 'universal',
+            'between': ['ground', 'lower'],
+            'at': 'A0',
+            'axes': [first.tolist(), np.cross(along, first).tolist()],
+        },
+        'leg': {'type': 'prismatic', 'between': ['lower', 'upper'], 'at': 'T0', 'axis': 'u'},
+        'ball': {'type': 'spherical', 'between': ['upper', 'plate'], 'at': 'T0'},
+    }
+    wanted = plates()
+    for seed in SEEDS:
+        found = assemblies(mechanism, {'leg': 0.0}, starts=500, seed=seed)
+        assert len(found) == 32, (seed, found.statement)
+        rows = np.array([[each.points[f'T{n}'] for n in range(3)] for each in found.positions])
+        for each in wanted:
+            near = np.abs(rows.reshape(32, 9) - each).max(axis=1) < 1e-10
+            crosses = [found[int(n)].joints['base_first'] for n in np.flatnonzero(near)]
+            assert len(crosses) == 2
+            assert math.cos(crosses[0] - crosses[1]) == pytest.approx(-1.0, abs=1e-9)
