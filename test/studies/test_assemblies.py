@@ -6,6 +6,7 @@ Three; twenty with make thorough ARGS=test/studies/test_assemblies.py.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -333,6 +334,33 @@ def test_what_is_refused(values: dict[str, Any], said: str) -> None:
         assemblies('four_bar', values)
     with pytest.raises(AssemblyError, match='no assembly: '):
         assemblies('four_bar', {'rocker_pin': 0.0}, starts=20)
+
+
+def test_positions_beyond_a_stop_are_marked() -> None:
+    """The slider-crank with equal rods: over the crank at 0.7 rad the slider is ahead, or folded
+    over the pin of the crank."""
+    for stop, wanted in (
+        ({'joint': 'guide', 'lower': 0.5}, {True: 1, False: 1}),
+        ({'joint': 'guide', 'lower': -1.0, 'upper': 3.0}, {True: 2}),
+        ({'joint': 'guide', 'upper': -0.5}, {False: 2}),
+        # whole turns further on: the angle is the same
+        ({'joint': 'crank_pin', 'lower': 0.6 + 2 * math.pi, 'upper': 7.5}, {True: 2}),
+        ({'joint': 'crank_pin', 'upper': 0.75 - 4 * math.pi}, {True: 2}),
+        ({'joint': 'crank_pin', 'lower': 0.75, 'upper': 3.0}, {False: 2}),
+    ):
+        scene = {
+            'mechanism': 'slider_crank',
+            'effects': {'joint_stop': {**stop, 'stiffness': 1e4}},
+        }
+        found = assemblies(scene, {'crank_pin': 0.7}, starts=60)
+        assert Counter(each.within_stops for each in found.positions) == wanted
+        within = wanted.get(True, 0)
+        assert f'; {within} of them within the stops of joints' in found.statement
+        for each in found.positions:
+            ahead = each.joints['guide'] > 1.0
+            assert each.within_stops == ahead or len(wanted) == 1
+    free = assemblies('slider_crank', {'crank_pin': 0.7}, starts=60)
+    assert 'stops' not in free.statement and all(each.within_stops for each in free.positions)
 
 
 def test_an_input_beyond_its_travel_is_out_of_reach(crank_and_rocker: dict[str, Any]) -> None:

@@ -74,3 +74,13 @@ def test_an_atlas_states_what_it_may_have_missed() -> None:
     assert f'at most {math.ceil(100 * bound)} % of further starts would find more' in (
         few.statement
     )
+
+
+def test_an_atlas_names_the_stops_that_do_not_end_its_curves() -> None:
+    scene = {
+        'mechanism': 'four_bar',
+        'effects': {'joint_stop': {'joint': 'rocker_pin', 'upper': 2.0, 'stiffness': 1e4}},
+    }
+    found = atlas(scene, 'rocker_pin', starts=20)
+    assert found.statement.endswith('; stops do not end a curve: those of rocker_pin')
+    assert found.limits() == atlas('four_bar', 'rocker_pin', starts=20).limits()

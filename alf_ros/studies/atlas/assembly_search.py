@@ -21,6 +21,7 @@ from alf_ros.studies.atlas.map_search import LARGEST
 from alf_ros.studies.atlas.random_places import RandomPlaces
 from alf_ros.studies.atlas.search_certainty import in_words, most_missing
 from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
+from alf_ros.studies.closing.stops import Stops, stops_of
 
 _SAME = 1e-7  # of the size: positions that are one
 _CLOSED = 1e-12  # of the size: by how much a row may stay open
@@ -32,7 +33,8 @@ class FoundAssembly:
     """One assembly: q (blocks D, m), points (D,) m and joint coordinates (rad, or m) by name.
 
     sigma: the least singular value of the scaled Φ_q with the rows of the inputs; about the
-    distance to another assembly. hits: how many starts ended here.
+    distance to another assembly. hits: how many starts ended here. within_stops: whether no joint
+    is beyond a stop of the scene, angles after some turns.
     """
 
     q: Floats
@@ -40,6 +42,7 @@ class FoundAssembly:
     joints: Mapping[str, float]
     sigma: float
     hits: int
+    within_stops: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +81,10 @@ def assemblies(
     """All positions of a mechanism whose inputs have fixed values.
 
     mechanism: a scene, the name or path of a scene or a mechanism, or a mapping of either; drives
-    and effects do not count. values: of as many coordinates as it has freedoms, joint coordinates
-    (rad or m) or components of points ('B.x'); none for a structure. starts: the search closes the
-    loops from random places until so many in a row find nothing new.
+    and effects do not count; `within_stops` tells about stops of joints. values: of as many
+    coordinates as it has freedoms, joint coordinates (rad or m) or components of points ('B.x');
+    none for a structure. starts: the search closes the loops from random places until so many in a
+    row find nothing new.
 
     It is a search: `statement` says how often each was found. Bodies that are mirrored or turned
     round in a guide do not count. A position that is singular itself may be missed, since the
@@ -101,7 +105,7 @@ def assemblies(
     if model.n > LARGEST:
         text = f'{model.n} coordinates, too many to search: {LARGEST} at most'
         raise InputError(text, key='mechanism')
-    search = _AssemblySearch(model, seed)
+    search = _AssemblySearch(model, seed, stops_of(scene, model.coordinate_names))
     search.run(patience)
     if not search.found:
         raise AssemblyError(
@@ -114,8 +118,9 @@ def assemblies(
 class _AssemblySearch:
     """Closes loops from random places, and keeps each position once."""
 
-    def __init__(self, model: Model, seed: int) -> None:
+    def __init__(self, model: Model, seed: int, stops: Stops) -> None:
         self._model, self._places = model, RandomPlaces(model, model.q, seed)
+        self._stops = stops
         self._handedness = Handedness(model)
         self.found: list[Floats] = []
         self.hits: list[int] = []
@@ -168,8 +173,12 @@ class _AssemblySearch:
         told = f'{len(order)} found by a search: {self.starts} random starts, until {self.vain} '
         told += f'in a row found nothing new (seed {seed}); {self.closed} closed, each position '
         told += f'{min(self.hits)} to {max(self.hits)} times; {in_words(missing)}'
+        positions = tuple(self._assembly(reader, self.found[n], self.hits[n]) for n in order)
+        if self._stops:
+            within = sum(each.within_stops for each in positions)
+            told += f'; {within} of them within the stops of joints'
         return Assemblies(
-            tuple(self._assembly(reader, self.found[n], self.hits[n]) for n in order),
+            positions,
             self.starts,
             self.closed,
             missing,
@@ -186,4 +195,5 @@ class _AssemblySearch:
             dict(zip(model.coordinate_names, values.tolist(), strict=True)),
             float(Linearised(model, q).singular_values[-1]),
             hits,
+            self._stops.holds(values, [each.is_angle for each in model.coordinates]),
         )
