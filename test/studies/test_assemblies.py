@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from alf_ros import AssemblyError, InputError, assemblies
+from alf_ros import AssemblyError, InputError, assemblies, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.model.compile import compile_model
 from alf_ros.studies.atlas.assembly_search import Assemblies
+from alf_ros.studies.atlas.random_places import RandomPlaces
 from support.thorough import LONG
 
 SEEDS = range(20 if LONG else 3)
@@ -448,3 +450,43 @@ def test_the_cross_of_a_leg_may_be_turned_round() -> None:
             crosses = [found[int(n)].joints['base_first'] for n in np.flatnonzero(near)]
             assert len(crosses) == 2
             assert math.cos(crosses[0] - crosses[1]) == pytest.approx(-1.0, abs=1e-9)
+
+
+def test_places_of_a_mechanism_with_a_slider_are_numbers() -> None:
+    """A rod between balls has one direction only: no axis of a joint across it."""
+    inertia = {'about_com': [0.1, 0.1, 0.1]}
+    mechanism: dict[str, Any] = {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {
+            'O': {'at': [0, 0, 0], 'fixed': True},
+            'A': {'at': [math.cos(0.7), math.sin(0.7), 0]},
+            'B': {'at': [2 * math.cos(0.7), 0, 0]},
+        },
+        'bodies': {
+            'crank': {'points': ['O', 'A'], 'mass': 1, 'com': [0.5, 0, 0], 'inertia': inertia},
+            'rod': {'points': ['A', 'B'], 'mass': 1, 'inertia': 'rod'},
+            'block': {'points': ['B'], 'mass': 1, 'com': [0, 0, 0], 'inertia': inertia},
+        },
+        'joints': {
+            'pin': {
+                'type': 'revolute',
+                'between': ['ground', 'crank'],
+                'at': 'O',
+                'axis': [0, 0, 1],
+            },
+            's1': {'type': 'spherical', 'between': ['crank', 'rod'], 'at': 'A'},
+            's2': {'type': 'spherical', 'between': ['rod', 'block'], 'at': 'B'},
+            'guide': {
+                'type': 'prismatic',
+                'between': ['ground', 'block'],
+                'at': 'B',
+                'axis': [1, 0, 0],
+            },
+        },
+    }
+    model = compile_model(load_scene({'mechanism': mechanism}).mechanism, 1e8)
+    places = RandomPlaces(model, model.q, 0)
+    with np.errstate(all='raise'):
+        for n in range(400):
+            assert np.isfinite(places.place(n, [model.q])).all()

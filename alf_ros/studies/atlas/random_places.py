@@ -108,7 +108,9 @@ class RandomPlaces:
             axis = random.standard_normal(3)
             axes = joint.frames[0].axes
             if len(axes) and random.integers(4):
-                axis = layout.direction(joint.parent, axes[-1]).value(places)
+                along = layout.direction(joint.parent, axes[-1]).value(places)
+                if np.linalg.norm(along) > _SHORT:  # a rod has no direction across it
+                    axis = along
             R = _turned(axis / np.linalg.norm(axis), angle)
         for block in blocks[:points]:
             places[block] = at + R @ (places[block] - at)
