@@ -39,6 +39,19 @@ drives: {motor: {joint: pin, angle: {table: way.csv}}}
         assert rates[2:] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    'drive',
+    [
+        {'joint': 'crank_pin', 'angle': 'way.csv'},
+        {'points': ['O', 'B'], 'length': 'way.csv'},
+        {'point': 'B', 'at': 'way.csv'},
+    ],
+)
+def test_a_file_without_its_key_is_refused_with_the_way_to_write_it(drive: Any) -> None:
+    with pytest.raises(InputError, match=r'expected \{table: way\.csv\}'):
+        load_scene({'mechanism': 'slider_crank', 'drives': {'motor': drive}})
+
+
 def test_what_comes_to_rest_stays_there() -> None:
     """The remaining velocity decreases from step to step until its square underflows."""
     table = [[0, 0], [0.5, 0.4], [1, 1]]

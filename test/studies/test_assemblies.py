@@ -6,6 +6,7 @@ Three; twenty with make thorough ARGS=test/studies/test_assemblies.py.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -14,9 +15,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from alf_ros import AssemblyError, InputError, assemblies
+from alf_ros import AssemblyError, InputError, assemblies, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.model.compile import compile_model
 from alf_ros.studies.atlas.assembly_search import Assemblies
+from alf_ros.studies.atlas.random_places import RandomPlaces
 from support.thorough import LONG
 
 SEEDS = range(20 if LONG else 3)
@@ -315,7 +318,7 @@ def test_counts_of_the_library(name: str, values: dict[str, float], count: int) 
 def test_what_a_search_says() -> None:
     found = assemblies('four_bar', {'crank_pin': 0.7}, starts=50)
     assert found.closed >= sum(each.hits for each in found.positions)
-    assert found.missing == 0.0 and found.statement.startswith('2 found by a search: ')
+    assert 0.01 < found.missing < 0.12 and found.statement.startswith('2 found by a search: ')
     assert found[0].joints['crank_pin'] == pytest.approx(0.7, abs=1e-12)
     assert all(each.sigma > 0.01 for each in found.positions)
 
@@ -333,6 +336,33 @@ def test_what_is_refused(values: dict[str, Any], said: str) -> None:
         assemblies('four_bar', values)
     with pytest.raises(AssemblyError, match='no assembly: '):
         assemblies('four_bar', {'rocker_pin': 0.0}, starts=20)
+
+
+def test_positions_beyond_a_stop_are_marked() -> None:
+    """The slider-crank with equal rods: over the crank at 0.7 rad the slider is ahead, or folded
+    over the pin of the crank."""
+    for stop, wanted in (
+        ({'joint': 'guide', 'lower': 0.5}, {True: 1, False: 1}),
+        ({'joint': 'guide', 'lower': -1.0, 'upper': 3.0}, {True: 2}),
+        ({'joint': 'guide', 'upper': -0.5}, {False: 2}),
+        # whole turns further on: the angle is the same
+        ({'joint': 'crank_pin', 'lower': 0.6 + 2 * math.pi, 'upper': 7.5}, {True: 2}),
+        ({'joint': 'crank_pin', 'upper': 0.75 - 4 * math.pi}, {True: 2}),
+        ({'joint': 'crank_pin', 'lower': 0.75, 'upper': 3.0}, {False: 2}),
+    ):
+        scene = {
+            'mechanism': 'slider_crank',
+            'effects': {'joint_stop': {**stop, 'stiffness': 1e4}},
+        }
+        found = assemblies(scene, {'crank_pin': 0.7}, starts=60)
+        assert Counter(each.within_stops for each in found.positions) == wanted
+        within = wanted.get(True, 0)
+        assert f'; {within} of them within the stops of joints' in found.statement
+        for each in found.positions:
+            ahead = each.joints['guide'] > 1.0
+            assert each.within_stops == ahead or len(wanted) == 1
+    free = assemblies('slider_crank', {'crank_pin': 0.7}, starts=60)
+    assert 'stops' not in free.statement and all(each.within_stops for each in free.positions)
 
 
 def test_an_input_beyond_its_travel_is_out_of_reach(crank_and_rocker: dict[str, Any]) -> None:
@@ -379,3 +409,84 @@ def crank_and_rocker() -> dict[str, Any]:
             },
         },
     }
+
+
+# ----------------------------------------------------------------------- a leg with a cross
+
+
+def test_the_cross_of_a_leg_may_be_turned_round() -> None:
+    """Five bars and a leg on a universal joint hold the plate. Of each of the 16 plates there are
+    two assemblies: the cross as drawn, and turned round by half a turn about the leg."""
+    plate = plates()[0]
+    mechanism = six_legs(plate)
+    corner, foot = plate[:3], BASE[0]
+    along = (corner - foot) / np.linalg.norm(corner - foot)
+    first = np.cross([0.0, 0.0, 1.0], along)
+    first /= np.linalg.norm(first)
+    mechanism['vectors'] = {'u': {'along': along.tolist()}}
+    half = {'vectors': ['u'], 'mass': 1.0, 'inertia': {'about_com': [0.1, 0.1, 0.1]}}
+    mechanism['bodies'] |= {
+        'lower': {'points': ['A0'], **half, 'com': [0.1, 0, 0]},
+        'upper': {'points': ['T0'], **half, 'com': [-0.1, 0, 0]},
+    }
+    del mechanism['joints']['leg00']
+    mechanism['joints'] |= {
+        'base': {
+            'type': 'universal',
+            'between': ['ground', 'lower'],
+            'at': 'A0',
+            'axes': [first.tolist(), np.cross(along, first).tolist()],
+        },
+        'leg': {'type': 'prismatic', 'between': ['lower', 'upper'], 'at': 'T0', 'axis': 'u'},
+        'ball': {'type': 'spherical', 'between': ['upper', 'plate'], 'at': 'T0'},
+    }
+    wanted = plates()
+    for seed in SEEDS:
+        found = assemblies(mechanism, {'leg': 0.0}, starts=500, seed=seed)
+        assert len(found) == 32, (seed, found.statement)
+        rows = np.array([[each.points[f'T{n}'] for n in range(3)] for each in found.positions])
+        for each in wanted:
+            near = np.abs(rows.reshape(32, 9) - each).max(axis=1) < 1e-10
+            crosses = [found[int(n)].joints['base_first'] for n in np.flatnonzero(near)]
+            assert len(crosses) == 2
+            assert math.cos(crosses[0] - crosses[1]) == pytest.approx(-1.0, abs=1e-9)
+
+
+def test_places_of_a_mechanism_with_a_slider_are_numbers() -> None:
+    """A rod between balls has one direction only: no axis of a joint across it."""
+    inertia = {'about_com': [0.1, 0.1, 0.1]}
+    mechanism: dict[str, Any] = {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {
+            'O': {'at': [0, 0, 0], 'fixed': True},
+            'A': {'at': [math.cos(0.7), math.sin(0.7), 0]},
+            'B': {'at': [2 * math.cos(0.7), 0, 0]},
+        },
+        'bodies': {
+            'crank': {'points': ['O', 'A'], 'mass': 1, 'com': [0.5, 0, 0], 'inertia': inertia},
+            'rod': {'points': ['A', 'B'], 'mass': 1, 'inertia': 'rod'},
+            'block': {'points': ['B'], 'mass': 1, 'com': [0, 0, 0], 'inertia': inertia},
+        },
+        'joints': {
+            'pin': {
+                'type': 'revolute',
+                'between': ['ground', 'crank'],
+                'at': 'O',
+                'axis': [0, 0, 1],
+            },
+            's1': {'type': 'spherical', 'between': ['crank', 'rod'], 'at': 'A'},
+            's2': {'type': 'spherical', 'between': ['rod', 'block'], 'at': 'B'},
+            'guide': {
+                'type': 'prismatic',
+                'between': ['ground', 'block'],
+                'at': 'B',
+                'axis': [1, 0, 0],
+            },
+        },
+    }
+    model = compile_model(load_scene({'mechanism': mechanism}).mechanism, 1e8)
+    places = RandomPlaces(model, model.q, 0)
+    with np.errstate(all='raise'):
+        for n in range(400):
+            assert np.isfinite(places.place(n, [model.q])).all()

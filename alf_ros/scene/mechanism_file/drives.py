@@ -98,6 +98,8 @@ class DriveReader:
                 )
             except ValueError as error:
                 raise rows.error(str(error)) from None
+        if isinstance(entry.value, str) and entry.value.lower().endswith('.csv'):
+            raise entry.error('a file', expected=f'{{table: {entry.value}}}')
         if count > 1:
             each = entry.sequence(count)
             if all(one.is_null for one in each):

@@ -19,7 +19,9 @@ from alf_ros.studies.atlas.coordinate_reader import CoordinateReader
 from alf_ros.studies.atlas.map_coordinate import coordinate_named
 from alf_ros.studies.atlas.map_search import LARGEST
 from alf_ros.studies.atlas.random_places import RandomPlaces
+from alf_ros.studies.atlas.search_certainty import in_words, most_missing
 from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
+from alf_ros.studies.closing.stops import Stops, stops_of
 
 _SAME = 1e-7  # of the size: positions that are one
 _CLOSED = 1e-12  # of the size: by how much a row may stay open
@@ -31,7 +33,8 @@ class FoundAssembly:
     """One assembly: q (blocks D, m), points (D,) m and joint coordinates (rad, or m) by name.
 
     sigma: the least singular value of the scaled Φ_q with the rows of the inputs; about the
-    distance to another assembly. hits: how many starts ended here.
+    distance to another assembly. hits: how many starts ended here. within_stops: whether no joint
+    is beyond a stop of the scene, angles after some turns.
     """
 
     q: Floats
@@ -39,15 +42,17 @@ class FoundAssembly:
     joints: Mapping[str, float]
     sigma: float
     hits: int
+    within_stops: bool = True
 
 
 @dataclass(frozen=True, eq=False)
 class Assemblies:
     """All assemblies that a search found, the most frequent first.
 
-    starts: random starts; closed: of these that closed; missing: the part of further starts that
-    would find another one, as Good and Turing estimate it: the part that found one which no other
-    start found. statement: all of this in words.
+    starts: random starts; closed: of these that closed; missing: the largest part of further
+    starts that would find another one, with 95 % confidence (`search_certainty`). It is never 0: a
+    search proves nothing about positions that hardly any start leads to. statement: all of this in
+    words.
     """
 
     positions: tuple[FoundAssembly, ...]
@@ -76,9 +81,10 @@ def assemblies(
     """All positions of a mechanism whose inputs have fixed values.
 
     mechanism: a scene, the name or path of a scene or a mechanism, or a mapping of either; drives
-    and effects do not count. values: of as many coordinates as it has freedoms, joint coordinates
-    (rad or m) or components of points ('B.x'); none for a structure. starts: the search closes the
-    loops from random places until so many in a row find nothing new.
+    and effects do not count; `within_stops` tells about stops of joints. values: of as many
+    coordinates as it has freedoms, joint coordinates (rad or m) or components of points ('B.x');
+    none for a structure. starts: the search closes the loops from random places until so many in a
+    row find nothing new.
 
     It is a search: `statement` says how often each was found. Bodies that are mirrored or turned
     round in a guide do not count. A position that is singular itself may be missed, since the
@@ -99,32 +105,32 @@ def assemblies(
     if model.n > LARGEST:
         text = f'{model.n} coordinates, too many to search: {LARGEST} at most'
         raise InputError(text, key='mechanism')
-    search = _AssemblySearch(model, seed)
+    search = _AssemblySearch(model, seed, stops_of(scene, model.coordinate_names))
     search.run(patience)
     if not search.found:
         raise AssemblyError(
             f'no assembly: {search.starts} random starts, {search.why or "none closed"}',
             key='values',
         )
-    return search.result(patience, seed)
+    return search.result(seed)
 
 
 class _AssemblySearch:
     """Closes loops from random places, and keeps each position once."""
 
-    def __init__(self, model: Model, seed: int) -> None:
+    def __init__(self, model: Model, seed: int, stops: Stops) -> None:
         self._model, self._places = model, RandomPlaces(model, model.q, seed)
+        self._stops = stops
         self._handedness = Handedness(model)
         self.found: list[Floats] = []
         self.hits: list[int] = []
-        self.starts = self.closed = 0
+        self.starts = self.closed = self.vain = 0
         self.why = ''
 
     def run(self, patience: int) -> None:
         """Start until `patience` places in a row found nothing new."""
-        vain = 0
-        while vain < patience and self.starts < _MOST_STARTS * patience:
-            vain = 0 if self._start() else vain + 1
+        while self.vain < patience and self.starts < _MOST_STARTS * patience:
+            self.vain = 0 if self._start() else self.vain + 1
 
     def _start(self) -> bool:
         """Whether the next place leads to a new position."""
@@ -159,19 +165,23 @@ class _AssemblySearch:
         self.hits.append(1)
         return True
 
-    def result(self, patience: int, seed: int) -> Assemblies:
+    def result(self, seed: int) -> Assemblies:
         """The positions in order, and what the search was."""
         order = sorted(range(len(self.found)), key=lambda n: -self.hits[n])
         reader = CoordinateReader(self._model)
-        once = self.hits.count(1)
-        told = f'{len(order)} found by a search: {self.starts} random starts, until {patience} in '
-        told += f'a row found nothing new (seed {seed}); {self.closed} closed, each position '
-        told += f'{min(self.hits)} to {max(self.hits)} times'
+        missing = most_missing(self.vain, len(order))
+        told = f'{len(order)} found by a search: {self.starts} random starts, until {self.vain} '
+        told += f'in a row found nothing new (seed {seed}); {self.closed} closed, each position '
+        told += f'{min(self.hits)} to {max(self.hits)} times; {in_words(missing)}'
+        positions = tuple(self._assembly(reader, self.found[n], self.hits[n]) for n in order)
+        if self._stops:
+            within = sum(each.within_stops for each in positions)
+            told += f'; {within} of them within the stops of joints'
         return Assemblies(
-            tuple(self._assembly(reader, self.found[n], self.hits[n]) for n in order),
+            positions,
             self.starts,
             self.closed,
-            once / self.closed,
+            missing,
             told,
         )
 
@@ -185,4 +195,5 @@ class _AssemblySearch:
             dict(zip(model.coordinate_names, values.tolist(), strict=True)),
             float(Linearised(model, q).singular_values[-1]),
             hits,
+            self._stops.holds(values, [each.is_angle for each in model.coordinates]),
         )

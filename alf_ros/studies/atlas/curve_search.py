@@ -44,10 +44,11 @@ class Node:
 class CurveSearch:
     """The pieces and nodes found so far.
 
-    drawn (blocks D, m): around which random starts are; starts: how many there were; hits: how
-    many starts closed on each piece; closed_starts: starts that closed at all; mirrored: of these
-    with a body as its mirror image; singular_starts: of these in a singular position;
-    rigid_starts: where redundant rows let nothing move.
+    drawn (blocks D, m): around which random starts are; starts: how many there were, vain: of them
+    since the last find, finds: how many found something new; hits: how many starts closed on each
+    piece; closed_starts: starts that closed at all; mirrored: of these with a body as its mirror
+    image; singular_starts: of these in a singular position; rigid_starts: where redundant rows let
+    nothing move.
     """
 
     space: CurveSpace
@@ -57,6 +58,8 @@ class CurveSearch:
     nodes: list[Node] = field(default_factory=list)
     hits: list[int] = field(default_factory=list)
     starts: int = 0
+    vain: int = 0
+    finds: int = 0
     closed_starts: int = 0
     mirrored: int = 0
     singular_starts: int = 0
@@ -95,9 +98,8 @@ class CurveSearch:
         takes the part that is done if the others find nothing new, 0 to 1."""
         model = self.space.known
         places, random = RandomPlaces(model, self.drawn, seed), np.random.default_rng(seed)
-        vain = 0
-        while vain < patience and self.starts < _MOST_STARTS * patience:
-            report(self.starts / (self.starts + patience - vain))
+        while self.vain < patience and self.starts < _MOST_STARTS * patience:
+            report(self.starts / (self.starts + patience - self.vain))
             known = [piece.q[random.integers(len(piece.q))] for piece in self.pieces]
             before = len(self.pieces)
             try:
@@ -105,7 +107,9 @@ class CurveSearch:
             except AssemblyError:
                 pass
             self.starts += 1
-            vain = 0 if len(self.pieces) > before else vain + 1
+            found = len(self.pieces) > before
+            self.finds += found
+            self.vain = 0 if found else self.vain + 1
 
     def circuits(self) -> list[int]:
         """The number of the circuit of each piece: pieces that meet in a node are of one."""

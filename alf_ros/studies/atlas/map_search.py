@@ -56,7 +56,8 @@ class Sheet:
 
     starts: random places; closed_starts: starts that closed, known ones included; hits: of them on
     each circuit, by its number; mirrored: of them with a body as its mirror image; rigid: where
-    redundant rows let nothing move.
+    redundant rows let nothing move. vain: random starts since the last that found something new;
+    finds: how many did.
     """
 
     level: float
@@ -67,6 +68,8 @@ class Sheet:
     closed_starts: int
     mirrored: int
     rigid: int
+    vain: int
+    finds: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +197,8 @@ def _sheet(
         search.closed_starts,
         search.mirrored,
         search.rigid_starts,
+        search.vain,
+        search.finds,
     )
 
 

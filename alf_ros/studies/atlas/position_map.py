@@ -21,8 +21,10 @@ from alf_ros.studies.atlas.curve_search import Node
 from alf_ros.studies.atlas.map_coordinate import MapCoordinate, coordinate_named
 from alf_ros.studies.atlas.map_search import Held, MapRequest, Sheet, consistent, searched
 from alf_ros.studies.atlas.mapped_piece import TRAVEL_LIMIT, MappedPiece, Turning
+from alf_ros.studies.atlas.search_certainty import in_words, most_missing
 from alf_ros.studies.atlas.transmission import Bar, bar_between
 from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
+from alf_ros.studies.closing.stops import stopped
 
 _ALONE, _SHEET = 200, 40  # random starts in vain: without neighbours, and with them
 _LEVELS = 25  # of the second coordinate
@@ -163,14 +165,15 @@ def atlas(
     """All positions of a mechanism over one or two of its coordinates.
 
     mechanism: a scene, the name or path of a scene or a mechanism, or a mapping of either; drives
-    and effects do not count. over: the input, a joint coordinate or a component of a point
-    ('B.x'), and a second one for a mechanism with two freedoms; the first joint coordinate without
-    it. levels: values of the second coordinate, or how many, 25 if absent. hold: other coordinates
-    kept at a value (rad or m), each of which takes a freedom. output: the coordinate for the
-    velocity ratio and the mechanical advantage; bar: the two points of a bar for the transmission
-    angle, the output end last (`transmission` defines them). starts: each sheet is searched from
-    random places until so many in a row find nothing new; 200, or 40 a sheet over two coordinates.
-    report: takes the part done.
+    and effects do not count, and neither do stops of joints; `Atlas.statement` names them. over:
+    the input, a joint coordinate or a component of a point ('B.x'), and a second one for a
+    mechanism with two freedoms; the first joint coordinate without it. levels: values of the
+    second coordinate, or how many, 25 if absent. hold: other coordinates kept at a value (rad or
+    m), each of which takes a freedom. output: the coordinate for the velocity ratio and the
+    mechanical advantage; bar: the two points of a bar for the transmission angle, the output end
+    last (`transmission` defines them). starts: each sheet is searched from random places until so
+    many in a row find nothing new; 200, or 40 a sheet over two coordinates. report: takes the part
+    done.
 
     Raises InputError for names and numbers that are none, for another number of freedoms than
     coordinates, and for rows that bind velocities only; AssemblyError if the loops do not close,
@@ -193,7 +196,7 @@ def atlas(
         else whole(starts, 'starts', 1, 100_000),
         whole(seed, 'seed', 0),
     )
-    held = _held(bare, hold, (first, second))
+    held, stops = _held(bare, hold, (first, second)), stopped(scene)
     wanted = _LEVELS if levels is None else levels
     model, sheets = searched(scene, bare, held, request, wanted, report)
     return Atlas(
@@ -204,7 +207,9 @@ def atlas(
         request.output,
         request.bar,
         tuple(sheets),
-        _statement(sheets, request) + (f'; {adjusted}' if adjusted else ''),
+        _statement(sheets, request)
+        + (f'; {adjusted}' if adjusted else '')
+        + (f'; stops do not end a curve: those of {stops}' if stops else ''),
     )
 
 
@@ -249,19 +254,18 @@ def _times(value: float, low: float, high: float, is_angle: bool) -> int:
 
 
 def _statement(sheets: Sequence[Sheet], request: MapRequest) -> str:
-    """How the search was made, and how many starts would find more, by Good and Turing: as many as
-    found a circuit that no other start found."""
+    """How the search was made, and how many further starts would find more at most."""
     tried = sum(sheet.starts for sheet in sheets)
     fitting = sum(sheet.closed_starts - sheet.mirrored - sheet.rigid for sheet in sheets)
     circuits = sum(len(sheet.hits) for sheet in sheets)
-    once = sum(1 for sheet in sheets for hits in sheet.hits.values() if hits == 1)
     cut = sum(1 for sheet in sheets for piece in sheet.pieces if not piece.piece.complete)
     told = f'a search: {tried} random starts, until {request.starts} in a row found nothing new '
-    told += (
-        f'(seed {request.seed}); {fitting} closed, on {circuits} circuits, {once} of them hit once'
+    told += f'(seed {request.seed}); {fitting} closed, on {circuits} circuits; '
+    told += in_words(
+        max(most_missing(sheet.vain, sheet.finds + 1, len(sheets)) for sheet in sheets)
     )
-    if once:
-        told += f': about {max(1, round(100.0 * once / fitting))} % of more starts would find more'
+    if len(sheets) > 1:
+        told += ', at each level'
     rigid = sum(sheet.rigid for sheet in sheets)
     if rigid:
         told += f'; {rigid} closed where redundant constraints let nothing move, of no circuit'

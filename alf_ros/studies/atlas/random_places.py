@@ -3,7 +3,8 @@
 Three kinds take turns: noise on the drawing or on a known position; a known position with one or
 two points mirrored, or all points of a body or of the mechanism, at a line through two others or a
 plane through three, or along an axis, which flips a part over; and, twice as often, a known
-position with one body turned about a joint.
+position with one body turned about a joint. In space, half of these turn a part about the line
+through its two joints, often by half a turn (`parts_between_joints`).
 """
 
 from __future__ import annotations
@@ -15,9 +16,12 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND
 from alf_ros.model.compile import Model
+from alf_ros.studies.atlas.parts_between_joints import parts_between_joints
 
 _NOISE, _FLIP, _TURN = range(3)
 _TURNS = (_NOISE, _FLIP, _TURN, _TURN)  # kinds of places, in turn
+KINDS = len(_TURNS)  # starts of a round
+_SHORT = 1e-9  # of the size: two joints at one place
 _AMPLITUDES = (0.1, 0.3, 1.0)  # of the size: noise
 
 
@@ -32,6 +36,7 @@ class RandomPlaces:
         self._all = [*layout.of_point.values()]
         # what is mirrored as one: all points that move, first, and those of each body
         self._parts = [self._movable, *map(self._points, layout.of_body)]
+        self._between = parts_between_joints(model)
 
     def place(self, n: int, known: Sequence[Floats]) -> Floats:
         """The n-th place (blocks D, m); `known`: positions found so far."""
@@ -46,6 +51,8 @@ class RandomPlaces:
             found[: self._model.n] += away * random.standard_normal(self._model.n)
         elif kind == _FLIP:
             self._flip(places)
+        elif self._between and self._random.integers(2):
+            self._turn_between(places)
         else:
             self._turn(places)
         # what is held or fixed stays where the drawing has it
@@ -101,11 +108,30 @@ class RandomPlaces:
             axis = random.standard_normal(3)
             axes = joint.frames[0].axes
             if len(axes) and random.integers(4):
-                axis = layout.direction(joint.parent, axes[-1]).value(places)
+                along = layout.direction(joint.parent, axes[-1]).value(places)
+                if np.linalg.norm(along) > _SHORT:  # a rod has no direction across it
+                    axis = along
             R = _turned(axis / np.linalg.norm(axis), angle)
         for block in blocks[:points]:
             places[block] = at + R @ (places[block] - at)
         for block in blocks[points:]:
+            places[block] = R @ places[block]
+
+    def _turn_between(self, places: Floats) -> None:
+        """Turn a part about the line through its two joints, by half a turn or any angle."""
+        random = self._random
+        part = self._between[random.integers(len(self._between))]
+        at, end = (form.value(places) for form in part.ends)
+        axis = end - at
+        size = float(np.linalg.norm(axis))
+        if size <= _SHORT * self._model.size:
+            axis = random.standard_normal(3)
+            size = float(np.linalg.norm(axis))
+        angle = np.pi if random.integers(2) else float(random.uniform(-np.pi, np.pi))
+        R = _turned(axis / size, angle)
+        for block in part.points:
+            places[block] = at + R @ (places[block] - at)
+        for block in part.vectors:
             places[block] = R @ places[block]
 
 

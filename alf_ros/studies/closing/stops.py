@@ -37,6 +37,23 @@ class Stops:
         at = values[self.which]
         return float(np.minimum(at - self.lower, self.upper - at).min())
 
+    def holds(self, values: Floats, is_angle: Sequence[bool]) -> bool:
+        """Whether joint coordinates (rad or m) are within their stops; angles after some turns."""
+        for n, lower, upper in zip(self.which, self.lower, self.upper, strict=True):
+            at, turn = float(values[n]), 2.0 * math.pi
+            if is_angle[n] and math.isfinite(lower):
+                at += turn * math.ceil((lower - _TOUCHED - at) / turn)  # the first behind `lower`
+            elif is_angle[n] and math.isfinite(upper):
+                at -= turn * math.ceil((at - upper - _TOUCHED) / turn)
+            if at < lower - _TOUCHED or at > upper + _TOUCHED:
+                return False
+        return True
+
+
+def stopped(scene: Scene) -> str:
+    """The joint coordinates of a scene that have stops, in words; '' without any."""
+    return ', '.join(each.parameters.joint for each in scene.effects if each.kind == 'joint_stop')
+
 
 def stops_of(scene: Scene, names: Sequence[str]) -> Stops:
     """The stops of a scene, for joint coordinates with these names."""
