@@ -16,6 +16,7 @@ _NS = 1e9  # in a second
 _FEW = 10  # equal values: fewer may be chance
 _SOME = 5  # stamps with two values: fewer may be turns, or a message that was late
 _FAR = 5.0  # times the mean change between two stamps
+_MANY = 20  # positions that go to and fro: fewer may be a vibration
 
 
 def check_recordings(recordings: Sequence[Recording]) -> None:
@@ -78,3 +79,19 @@ def first_at_stamps(t: Floats, values: Floats, file: str, joint: str) -> NDArray
                 expected='one value at each stamp',
             )
     return np.asarray(new)
+
+
+def check_one_source(positions: Floats, file: str, joint: str) -> None:
+    """Raises InputError for positions (N,), in their order, that go to and fro: from stamp to stamp
+    much further than from each to the next but one. Two publishers send there in turn."""
+    if positions.size < _MANY:
+        return
+    next_, after = (np.median(np.abs(positions[n:] - positions[:-n])) for n in (1, 2))
+    if next_ > _FAR * after:
+        raise InputError(
+            'goes to and fro from stamp to stamp, as of two publishers',
+            file=file,
+            key=joint,
+            value=f'by {next_:.3g}',
+            expected='one publisher of each joint',
+        )

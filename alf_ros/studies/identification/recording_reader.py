@@ -20,7 +20,7 @@ from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.identification.counted_once import first_at_stamps
+from alf_ros.studies.identification.counted_once import check_one_source, first_at_stamps
 from alf_ros.studies.identification.recorded_inputs import RecordedInputs
 from alf_ros.studies.identification.recorded_names import RecordedNames, Topics, is_called
 from alf_ros.studies.identification.recording import FARTHEST, KINDS, MeasuredChannel, Recording
@@ -118,6 +118,8 @@ class _Reader:
                 expected=f'less than {FARTHEST:g}',
             )
         new = first_at_stamps(t, values, str(self._path), joint)
+        if kind == 'position':
+            check_one_source(values[new], str(self._path), joint)
         return MeasuredChannel(joint, kind, t[new], values[new])
 
     # ---------------------------------------------------------------------------------- reading
