@@ -82,8 +82,8 @@ def first_at_stamps(t: Floats, values: Floats, file: str, joint: str) -> NDArray
 
 
 def check_one_source(positions: Floats, file: str, joint: str) -> None:
-    """Raises InputError for positions (N,), in their order, that go to and fro: from stamp to stamp
-    much further than from each to the next but one. Two publishers send there in turn."""
+    """Raises InputError for positions (N,) that go to and fro: from stamp to stamp they change
+    much more than from each to the next but one. Two publishers send there in turn."""
     if positions.size < _MANY:
         return
     next_, after = (np.median(np.abs(positions[n:] - positions[:-n])) for n in (1, 2))
