@@ -20,6 +20,7 @@ from alf_ros.exchange import (
     initial_velocities,
     massless_ends,
     mechanism_text,
+    mesh_units,
     mjcf_import,
     sdf_import,
     sdf_versions,
@@ -99,6 +100,7 @@ def imported(source: str, **wishes: Any) -> str:
         message = 'no part that can move has mass'
         raise InputError(message, file=source, expected='mass and inertia of its links')
     inertia.checked(robot, asked.repair_inertia)
+    mesh_units.noted(robot)
     scene = asked.is_scene
     text, loaded = _written(robot, asked)
     if inertia.may_lack(robot) and (names := _without_mass(loaded)):

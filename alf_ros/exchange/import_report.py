@@ -173,6 +173,11 @@ READING = {
     'calibration': '',
     'safety_controller': '',
 }
+# what only looks otherwise
+LOOKS = {
+    'meshes far larger than the robot': 'their files may be in millimetres, and then need a scale '
+    'of 0.001',
+}
 # what moves nothing, counted only
 NOTHING = ('shapes', 'lights', 'cameras', 'sensors', 'keyframes', 'materials')
 
@@ -185,7 +190,7 @@ class LeftOut:
 
     def add(self, kind: str, name: str) -> None:
         """Note that something of `name` does not come along."""
-        assert kind in MOTION or kind in READING or kind in NOTHING, kind
+        assert any(kind in each for each in (MOTION, READING, LOOKS, NOTHING)), kind
         names = self.names.setdefault(kind, [])
         if name not in names:
             names.append(name)
@@ -204,6 +209,7 @@ class LeftOut:
         for head, kinds in (
             ('Changes of the motion:', MOTION),
             ('Changes of readings only:', READING),
+            ('Hints for the shapes:', LOOKS),
         ):
             found = [_line(kind, kinds[kind], self.names[kind]) for kind in self._of(kinds)]
             if found:

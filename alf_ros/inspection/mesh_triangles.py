@@ -26,8 +26,9 @@ INSTALL = "pip install 'alf_ros[view]'"
 # Of a file with more triangles, places that are close together are drawn as one.
 MOST_TRIANGLES = 20_000
 LARGEST_FILE = 64_000_000  # bytes
-# Cells along an edge of the bounding box, until few enough triangles are left.
-_GRIDS = (2.0**20, *(1000.0 * 0.8**n for n in range(24)))
+# Cells along an edge of the bounding box: the first as fine as the numbers of a page, and those of
+# which the finest is taken that leaves few enough triangles.
+_FINEST, _GRIDS = 2.0**20, tuple(1000.0 * 0.8**n for n in range(24))
 _DIRECTIONS = 200
 _METRES = ' * meters'
 
@@ -153,16 +154,33 @@ def _fewer(
     """The same with one vertex for each cell of a grid, coarse enough for MOST_TRIANGLES, and
     whether the grid is coarse.
 
-    vertices: from -1 to 1. The first grid is as fine as the numbers of a page.
+    vertices: from -1 to 1.
     """
-    for cells in _GRIDS:
-        grid = np.rint(0.5 * cells * (vertices + 1.0)).astype(np.int64)
-        key = (grid[:, 0] << 42) + (grid[:, 1] << 21) + grid[:, 2]
-        _, first, of = np.unique(key, return_index=True, return_inverse=True)
-        kept = of[faces]
-        a, b, c = kept.T
-        kept = kept[(a != b) & (b != c) & (c != a)]
-        if len(kept) <= MOST_TRIANGLES:
-            break
+    first, kept = _merged(vertices, faces, _FINEST)
+    vertices, colors = vertices[first], None if colors is None else colors[first]
+    if len(kept) <= MOST_TRIANGLES:
+        return vertices, kept.astype(np.uint32), colors, False
+    whole, fine, coarse = kept, 0, len(_GRIDS) - 1
+    first, kept = _merged(vertices, whole, _GRIDS[coarse])
+    while fine < coarse:  # each takes a second for a million triangles
+        middle = (fine + coarse) // 2
+        found = _merged(vertices, whole, _GRIDS[middle])
+        if len(found[1]) <= MOST_TRIANGLES:
+            coarse, (first, kept) = middle, found
+        else:
+            fine = middle + 1
     shades = None if colors is None else colors[first]
-    return vertices[first], kept.astype(np.uint32), shades, cells != _GRIDS[0]
+    return vertices[first], kept.astype(np.uint32), shades, True
+
+
+def _merged(
+    vertices: Floats, faces: NDArray[np.int64], cells: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first vertex in each cell of a grid, and the triangles (m, 3) that are left between
+    them."""
+    grid = np.rint(0.5 * cells * (vertices + 1.0)).astype(np.int64)
+    key = (grid[:, 0] << 42) + (grid[:, 1] << 21) + grid[:, 2]
+    _, first, of = np.unique(key, return_index=True, return_inverse=True)
+    kept = of[faces]
+    a, b, c = kept.T
+    return first, kept[(a != b) & (b != c) & (c != a)]

@@ -101,13 +101,11 @@ class _Layout:
             self.names, self.shapes = _shapes(kind, message)
             count = sum(int(np.prod(shape)) for shape in self.shapes.values())
             fits = count == len(places) and (kind == _NUMBER or 'stamp' in message['header'])
-            fits = fits and all(
-                shape[0] == (len(self.names) or 1) for shape in self.shapes.values()
-            )
+            uneven = _uneven(self.names, self.shapes)
         except (KeyError, TypeError):
-            fits = False
-        if not fits:
-            raise InputError('a message that is not of its type', value=kind)
+            fits, uneven = False, ''
+        if not fits or uneven:
+            raise InputError(f'a message that is not of its type{uneven}', value=kind)
         self.numbers = (np.array(places, np.int64)[:, None] + np.arange(8)).ravel()
         fixed = np.zeros(self.size, bool)
         for begin, end in parts:
@@ -157,6 +155,14 @@ def _shapes(
     if message['transforms'] or message['twist']:
         raise InputError('transforms and twists are not read', value=kind)
     return tuple(message['joint_names']), {'wrench': (len(message['wrench']), 6)}
+
+
+def _uneven(names: tuple[str, ...], shapes: dict[str, tuple[int, ...]]) -> str:
+    """Which field has another number of values than there are names; '' if none has."""
+    for key, shape in shapes.items():
+        if shape[0] != (len(names) or 1):
+            return f': {len(names)} names and {shape[0]} of {key}'
+    return ''
 
 
 class ChannelReader:

@@ -289,6 +289,50 @@ def test_a_publisher_that_is_not_heard_is_said(
         peer.until(lambda: values(reports[-1], 'loops')[1] == waits, 'its end')
 
 
+def test_two_nodes_of_one_name_say_so_both(tmp_path: Path, peer: Peer) -> None:
+    """Both answered each message, and neither said a word; one that was killed is no second one,
+    although it stays in the graph."""
+    folders = [tmp_path / name for name in ('killed', 'first', 'second')]
+    for folder in folders:
+        folder.mkdir()
+    reports = peer.listen('/close/diagnostics', DiagnosticArray)
+
+    def processes(count: int) -> set[str]:
+        return {values(each, 'loops')[2]['process'] for each in reports[-count:]}
+
+    with ClosingProcess(folders[0], '--active', 'guide'):
+        peer.until(lambda: reports, 'a report')
+        (killed,) = processes(1)
+    with ClosingProcess(folders[1], '--active', 'guide') as first:
+        before = len(reports)
+        peer.until(lambda: len(reports) > before + 8, 'reports beside the dead one')
+        (mine,) = processes(8)
+        assert mine != killed and 'a second node' not in first.output
+        assert {values(each, 'loops')[1] for each in reports[-8:]} == {
+            f'waiting for guide on {INPUT}'
+        }
+        with ClosingProcess(folders[2], '--active', 'guide') as second:
+            peer.until(lambda: len(processes(2)) == 2, 'reports of both')
+            (other,) = processes(2) - {mine}
+
+            def told() -> set[tuple[str, str]]:
+                said = (values(each, 'loops') for each in reports[-4:])
+                return {(each[2]['process'], each[1]) for each in said}
+
+            text = 'a second node close answers on /joint_states: process '
+            both = {(mine, text + other), (other, text + mine)}
+            peer.until(lambda: told() == both, 'both statuses')
+            assert values(reports[-1], 'loops')[0] == WARN
+            assert second.stop() == 0, second.output
+        peer.until(
+            lambda: told() == {(mine, f'waiting for guide on {INPUT}')}, 'the end of the second'
+        )
+        assert first.stop() == 0, first.output
+        for node, process in ((first, other), (second, mine)):
+            assert node.output.count('a second node') == 1, node.output
+            assert f'process {process}' in node.output
+
+
 def test_names_may_be_exchanged() -> None:
     assert renamed(['b=a', 'a=b'], ['a', 'b', 'c']) == {'b': 'a', 'a': 'b', 'c': 'c'}
 

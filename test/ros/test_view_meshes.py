@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from alf_ros.ros.view.mesh_library import MeshLibrary
 from alf_ros.ros.view.server import POLICY, Broadcast, Server
 from alf_ros.ros.view.view_node import ViewNode
 from support.meshes import WEDGE, binary_stl
-from support.ros_node import Peer
+from support.ros_node import LIMIT, Peer
 
 SCENE: dict[str, Any] = {
     'mechanism': {
@@ -104,3 +105,26 @@ def test_no_file_is_served_by_its_path(files: tuple[str, str], peer: Peer) -> No
             *(f'/mesh/{files[0].replace("/", "%2F")}', '/mesh/../../etc/passwd', '/meshes/x'),
         ):
             assert get(server, path)[0] == 404
+
+
+def test_why_a_mesh_is_not_drawn_is_said_once(tmp_path: Path) -> None:
+    """The page counted it, and nothing said why."""
+    large, second, empty = (tmp_path / f'{name}.stl' for name in ('large', 'second', 'empty'))
+    for file in (large, second):
+        with open(file, 'wb') as stream:
+            stream.truncate(200_000_000)
+    empty.write_bytes(binary_stl(WEDGE[:0]))
+    said = list[str]()
+    heard = threading.Event()
+
+    def hear(text: str) -> None:
+        said.append(text)
+        if 'empty' in text:
+            heard.set()
+
+    library = MeshLibrary(hear)
+    for file in (large, second, empty):
+        assert library.find(str(file)) is None
+    assert heard.wait(LIMIT)
+    assert said[0] == 'a mesh is not drawn: large.stl: more than 64 MB'
+    assert len(said) == 2 and said[1].startswith('a mesh is not drawn: empty.stl: ')

@@ -24,6 +24,7 @@ from alf_ros.ros.closing.closing_messages import (
     joint_state,
     travel,
 )
+from alf_ros.ros.closing.namesake import KEY, Namesake
 from alf_ros.ros.messages.tf import transforms
 from alf_ros.ros.messages.topics import RELIABLE
 from alf_ros.ros.parameter_services import ParameterServices
@@ -87,6 +88,9 @@ class CloseNode(Node):
         self._map = self.create_publisher(Float64MultiArray, '~/effort_map', RELIABLE)
         self._travel = self.create_publisher(Float64MultiArray, '~/travel', RELIABLE)
         self._reports = self.create_publisher(DiagnosticArray, '~/diagnostics', RELIABLE)
+        self._name = self.get_fully_qualified_name().lstrip('/')
+        self._namesake = Namesake(self, self._reports, f'{self._name}: ')
+        self._warned = False  # of the second node that there is
         self._frames = None
         if values['publish.tf']:
             if TFMessage is None:
@@ -121,11 +125,23 @@ class CloseNode(Node):
         if now - self._reported >= _REPORT_PERIOD or kind != self._kind:
             self._reported, self._kind = now, kind
             self._report(now, text)
+            self._namesake.look()
+            self._warn_of_namesake()
         if self._travel.get_subscription_count() and now > self._followed:
             self._follow(now)
         if self._status.live:
             self._status.show(f'{self.postures} postures  {text}')
         return LOOK_PERIOD
+
+    def _warn_of_namesake(self) -> None:
+        """Say once, and again if it went and came back, that a second node has this name."""
+        other = self._namesake.other
+        if other and not self._warned:
+            self.get_logger().warning(self._twice(other))
+        self._warned = bool(other)
+
+    def _twice(self, other: str) -> str:
+        return f'a second node {self._name} answers on {self._joints.topic_name}: process {other}'
 
     def _follow(self, now: float) -> None:
         """Publish the travel of the active joints from the last posture."""
@@ -174,7 +190,9 @@ class CloseNode(Node):
 
     def _said(self, now: float) -> tuple[str, str]:
         """The most urgent thing to say: of which kind, and in words; both empty if all is well."""
-        posture = self._posture
+        posture, other = self._posture, self._namesake.other
+        if other:
+            return 'twice', self._twice(other)
         if posture is None:
             return ('refused', self._refusal) if self._refusal else ('waiting', self._waiting())
         if now - self._heard > self._timeout:
@@ -223,7 +241,7 @@ class CloseNode(Node):
         loops = (
             WARN if text else OK,
             text or 'closed',
-            {'postures': self.postures, **values},
+            {'postures': self.postures, **values, KEY: self._namesake.process},
         )
         age = now - self._heard if posture is not None else float('inf')
         counts = {**self._input.counts, 'refused': self._failed}
@@ -233,8 +251,7 @@ class CloseNode(Node):
         heard = self._late(now) if late else wrong or 'heard'
         statuses = {'loops': loops, 'input': (WARN if late or wrong else OK, heard, told)}
         hardware = self.closure.model.mechanism.name
-        name = self.get_fully_qualified_name().lstrip('/')
-        self._reports.publish(diagnostics(name, hardware, self._stamp, statuses))
+        self._reports.publish(diagnostics(self._name, hardware, self._stamp, statuses))
         self._input.trouble = ''
 
     def _on_parameters(self, changed: list[Parameter]) -> None:

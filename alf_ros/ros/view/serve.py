@@ -25,10 +25,10 @@ def serve(
 ) -> None:
     """Show the node `simulator` at `port` (0: any), and to Foxglove if given a port, until `stop`.
 
-    rclpy must be initialised. `say` is called with where each can be opened. Raises InputError if
-    a port is taken or foxglove-sdk is not there.
+    rclpy must be initialised. `say` is called with where each can be opened, and with why a mesh
+    is not drawn. Raises InputError if a port is taken or foxglove-sdk is not there.
     """
-    meshes = MeshLibrary()
+    meshes = MeshLibrary(say)
     node = ViewNode(simulator, meshes)
     operator = Operator(node, simulator)
     broadcast = Broadcast()

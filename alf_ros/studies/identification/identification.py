@@ -15,6 +15,7 @@ from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation.input_checks import by_name, choice, number, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
 from alf_ros.studies.identification.best_starts import best_starts, nearer_starts
+from alf_ros.studies.identification.counted_once import check_recordings
 from alf_ros.studies.identification.handed_over import handed_over
 from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
@@ -350,6 +351,7 @@ def _recordings(given: Any, scene: Scene, topics: Topics | None) -> list[Recordi
                 value=f't = {read.begin:g} s',
                 expected='0 s or later',
             )
+    check_recordings(found)
     return found
 
 

@@ -20,6 +20,7 @@ from alf_ros.simulation.input_checks import by_name, text
 from alf_ros.simulation.simulation import Simulation
 
 KINDS = ('position', 'velocity')
+FARTHEST = 1e9  # rad or m, and per s: no joint is there, and none is that fast
 Numbers: TypeAlias = Sequence[float] | NDArray[Any]
 
 
@@ -77,13 +78,14 @@ class HeldInput:
 @dataclass(frozen=True, eq=False)
 class Recording:
     """`unused`: recorded names that no channel has; `damage`: a place that cannot be read, ''
-    without one."""
+    without one; `origin`: the stamp at which time is zero, ns, None if there are no stamps."""
 
     name: str
     channels: tuple[MeasuredChannel, ...]
     inputs: tuple[HeldInput, ...] = ()
     unused: tuple[str, ...] = ()
     damage: str = ''
+    origin: int | None = None
 
     @property
     def begin(self) -> float:
@@ -149,6 +151,10 @@ def recorded(
             known = np.isfinite(values)
             if not known.any():
                 raise InputError('nothing measured', key=joint, expected='finite numbers')
+            if np.abs(values[known]).max() >= FARTHEST:
+                far = float(values[known][np.abs(values[known]).argmax()])
+                expected = f'less than {FARTHEST:g}'
+                raise InputError(f'not a {kind}', key=joint, value=far, expected=expected)
             channels.append(MeasuredChannel(joint, kind, times[known], values[known]))
     if not given_by_kind[0]:
         raise InputError('no joint', key='positions', expected='{joint: values}')

@@ -20,9 +20,10 @@ from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.identification.counted_once import check_one_source, first_at_stamps
 from alf_ros.studies.identification.recorded_inputs import RecordedInputs
 from alf_ros.studies.identification.recorded_names import RecordedNames, Topics, is_called
-from alf_ros.studies.identification.recording import KINDS, MeasuredChannel, Recording
+from alf_ros.studies.identification.recording import FARTHEST, KINDS, MeasuredChannel, Recording
 
 _JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped'
 _STRING = 'std_msgs/msg/String'
@@ -86,7 +87,7 @@ class _Reader:
         )
         inputs = self._inputs.inputs(origin)
         unused = tuple(self._unused)
-        return Recording(str(self._path), channels, inputs, unused, self._damage)
+        return Recording(str(self._path), channels, inputs, unused, self._damage, origin)
 
     def _channel(
         self, joint: str, kind: str, pieces: list[tuple[Integers, Floats]], origin: int
@@ -107,7 +108,18 @@ class _Reader:
                 expected='a recording for each run',
             )
         t, values = t[order], values[order]
-        new = np.diff(t, prepend=-np.inf) > 0.0  # a stamp that is there twice counts once
+        far = np.abs(values) >= FARTHEST
+        if far.any():
+            raise InputError(
+                f'not a {kind}',
+                file=str(self._path),
+                key=joint,
+                value=float(values[far.argmax()]),
+                expected=f'less than {FARTHEST:g}',
+            )
+        new = first_at_stamps(t, values, str(self._path), joint)
+        if kind == 'position':
+            check_one_source(values[new], str(self._path), joint)
         return MeasuredChannel(joint, kind, t[new], values[new])
 
     # ---------------------------------------------------------------------------------- reading
@@ -237,6 +249,18 @@ class _Reader:
                     expected='positions, which tell where windows begin',
                 )
             damaged = f', which is damaged: {self._damage}' if self._damage else ''
+            if not self._all and not damaged:
+                raise InputError('no messages in this recording', file=str(self._path))
+            for topic, kind in self._all.items():
+                if is_called(topic, self._topics.joints) and not damaged:
+                    why = 'no positions of joints in this recording'
+                    raise InputError(
+                        why if kind == _JOINTS else 'not of the type of joint states',
+                        file=str(self._path),
+                        key=topic,
+                        value=kind,
+                        expected=None if kind == _JOINTS else _JOINTS,
+                    )
             raise InputError(
                 f'no positions of joints in this recording{damaged}',
                 file=str(self._path),
