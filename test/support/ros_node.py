@@ -190,8 +190,8 @@ class Peer:
 
         That a node is found here does not say that it has found these: on a busy machine it
         publishes a message before it knows of a reader, who misses it then. They are announced in
-        order: a node that answers a client made now knows what was made before. It is asked for
-        no parameters, which may be asked again until an answer comes.
+        order: a node that answers the youngest client knows all the others. It is asked for no
+        parameters, which may be asked again until an answer comes.
         """
         service = f'{node}/get_parameters'
         youngest = self.node.create_client(GetParameters, service)
