@@ -103,6 +103,7 @@ class AlikeMembers:
             self._phases.addresses[own].copy(),
             [applied],
             [applied.assembled.effects],
+            [self._of._run.stepper.system.prescribed],
             self._of.model.layout.dimension,
             self._adaptive,
         )

@@ -1,6 +1,7 @@
 """The crew of a group of lanes: its members, and functions for all of them or for one.
 
-Forces are computed for all members at once where they have the same effects with other numbers.
+Forces are computed for all members at once where they have the same effects with other numbers,
+drives where they have the same program.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 
 from alf_ros import effects as registry
 from alf_ros.arrays import Addresses
-from alf_ros.kernel import Effects
+from alf_ros.kernel import Effects, Prescribed
 from alf_ros.kernel.data.lane_crew import LaneCrew
 from alf_ros.kernel.lanes.single_member import functions_of_members
 from alf_ros.kernel.numba_ext.lane_structs import aligned
@@ -23,15 +24,17 @@ def crew_of(
     phases: Addresses,
     applied: Sequence[Applied],
     effects: Sequence[Effects],
+    drives: Sequence[Prescribed],
     dimension: int,
     adaptive: bool,
 ) -> LaneCrew:
-    """The crew of members with these structs and forces. `effects` may have one for all members.
+    """The crew of members with these structs, forces and drives; `effects` and `drives` may have
+    one for all members.
 
     `dimension` and `adaptive`: as of `functions_of_members`.
     """
     lanes = problems.size
-    steps, forces, drives = functions_of_members(dimension, adaptive)
+    steps, forces, one_by_one = functions_of_members(dimension, adaptive)
     steady = all(each.is_steady for each in applied)
     found = [] if steady else _lane_forces(applied[0].kinds, effects, lanes)
     numbers = effects[0].params.size if found else 0
@@ -40,8 +43,9 @@ def crew_of(
         phase=phases,
         alone=steps,
         forces=forces,
-        drives=drives,
+        drives=one_by_one,
         lane_force=np.array(found, dtype=np.uint64),
+        lane_drives=np.array(_lane_drives(drives, lanes), dtype=np.uint64),
         params=aligned(numbers, lanes).ravel(),
         parted=np.zeros(1, dtype=np.int64),
         steady=np.array([steady], dtype=np.int64),
@@ -60,6 +64,16 @@ def _lane_forces(kinds: Sequence[str], effects: Sequence[Effects], lanes: int) -
 
     found = [lane_force(registry.load(kind).force._pyfunc, lanes) for kind in kinds]
     return found if any(found) else []
+
+
+def _lane_drives(drives: Sequence[Prescribed], lanes: int) -> list[int]:
+    """`LaneCrew.lane_drives`: where members have one program, with other numbers."""
+    first = drives[0]
+    if not first.program.size or not all(np.array_equal(first.slots, d.slots) for d in drives):
+        return []
+    from alf_ros.model.lane_time_program import lane_run
+
+    return [lane_run(lanes)]
 
 
 def _are_alike(one: Effects, other: Effects) -> bool:

@@ -70,6 +70,7 @@ class _Group:
             _addresses(phases),
             [each._run.present.applied for each in self._all],
             self._effects,
+            [each.system.prescribed for each in problems],
             len(problems[0].unit),
             self._is_adaptive,
         )

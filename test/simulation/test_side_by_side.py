@@ -133,6 +133,43 @@ def test_a_member_that_fails_does_not_touch_the_others(integrator):
 
 
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+@pytest.mark.parametrize(
+    'angle',
+    [
+        '0.7854 + 2*sin({k}*t)',
+        '0.7854 + {k}*t**2*exp(-t)/hypot(1, t)',
+        'max(0.7854, {k}*t*t)',  # the members leave the first branch one after another
+        'table',
+        '0.7854 + {k}*t',  # in one member the program is another one: no number is 0.7854 twice
+    ],
+)
+def test_members_with_drives(angle, integrator):
+    def motion(k: float) -> Any:
+        if angle == 'table':
+            return {'table': [[0, 0.7854], [0.11, k], [0.3, 2]]}
+        return angle.format(k=k)
+
+    made = [
+        Simulation(
+            load_scene(
+                {
+                    'mechanism': 'slider_crank',
+                    'drives': {'turn': {'joint': 'crank_pin', 'angle': motion(k)}},
+                }
+            ),
+            step=5e-3,
+            integrator=integrator,
+        )
+        for k in (1.0, 0.7854, 1.3)
+    ]
+    alone = [copy.copy(each) for each in made]
+    SideBySide(made).step(200)
+    for each in alone:
+        each.step(200)
+    check(made, alone)
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
 def test_between_two_calls_a_member_is_a_simulation(integrator):
     made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator=integrator) for k in range(3)]
     alone = [copy.copy(each) for each in made]

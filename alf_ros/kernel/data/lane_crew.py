@@ -14,7 +14,7 @@ from alf_ros.kernel.numba_ext.structs import Struct
 class LaneCrew(Struct):
     """Where the data of each member stand, and functions for one of them."""
 
-    addresses = ('problem', 'phase', 'alone', 'forces', 'drives', 'lane_force')
+    addresses = ('problem', 'phase', 'alone', 'forces', 'drives', 'lane_force', 'lane_drives')
 
     problem: Addresses  # (W,) of its Problem
     phase: Addresses  # (W,) of its Phase
@@ -22,8 +22,9 @@ class LaneCrew(Struct):
     forces: Addresses  # (3,) of functions for one member: Q into its work, one effect, its side
     drives: Addresses  # (1,) of the function that places its prescribed blocks
     lane_force: Addresses  # (effects,) of force() for lanes, 0: none; (0,): for each member alone
+    lane_drives: Addresses  # (1,) of the function that places prescribed blocks in lanes, or (0,)
     params: Floats  # (numbers W,) of `Effects.params`, in lanes
-    parted: Integers  # (1,) 1 if the members have taken different branches of a force
+    parted: Integers  # (1,) 1 if the members have taken different branches
     steady: Integers  # (1,) 1 if Q depends neither on time nor on the motion
     dated: Integers  # (1,) 1 if forces or drives have kinks over time
     result: Integers  # (W,) of the steps of each

@@ -156,9 +156,24 @@ def steady_forces(problem: Problem, of: Problem, crew: LaneCrew) -> None:
 @inner
 def lane_drives(problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress) -> None:
     """Position, velocity and acceleration of prescribed blocks."""
-    if problem.system.prescribed.program.size == 0:
+    given, work = problem.system.prescribed, problem.work
+    if given.program.size == 0:
         return
-    work = problem.work
+    if crew.lane_drives.size > 0:
+        crew.parted[0] = 0
+        call(
+            crew.lane_drives[0],
+            progress.t,
+            given.slots,
+            given.params,
+            given.registers,
+            work.q,
+            work.qd,
+            work.qdd,
+            crew.parted,
+        )
+        if crew.parted[0] == 0:
+            return
     n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
     for m in range(ZERO, np.uint64(crew.problem.size)):
         member = struct_at(of, crew.problem[m])
