@@ -10,12 +10,13 @@ from support.paths import ROOT
 PACKAGE = ROOT / 'alf_ros'
 READ = {'time', 'time_ns', 'now', 'today', 'utcnow', 'localtime', 'gmtime', 'strftime'}
 # whether a source has just changed: its digest is computed again; the name of the folder of a log;
-# the date of a stored result; the age of a port
+# the date of a stored result; the age of a port; the date in the name of a process
 ALLOWED = {
     ('kernel/numba_ext/cache_sources.py', 'time_ns'),
     ('ros/recording/recorder.py', 'now'),
     ('logs/provenance.py', 'strftime'),
     ('ros/unborn_ports.py', 'time'),
+    ('ros/closing/namesake.py', 'now'),
 }
 
 
