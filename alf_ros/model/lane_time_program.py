@@ -7,7 +7,7 @@ from functools import cache
 from numba import types
 
 from alf_ros.arrays import Floats, Integers
-from alf_ros.kernel.numba_ext.branching_lanes import branching
+from alf_ros.kernel.numba_ext.branching_lanes import begin, branching, finish
 from alf_ros.kernel.numba_ext.jit import by_address, shared
 from alf_ros.kernel.numba_ext.lane_numbers import LanesType
 from alf_ros.model.time_program import run
@@ -30,6 +30,7 @@ def lane_run(W: int) -> int:
         qdd: Floats,
         parted: Integers,
     ) -> None:
+        begin(parted)
         inside(
             branching(t, parted)[0],
             slots,
@@ -39,6 +40,7 @@ def lane_run(W: int) -> int:
             branching(qd, parted),
             branching(qdd, parted),
         )
+        finish(parted)
 
     lanes, integers = types.CPointer(LanesType(W)), types.CPointer(types.int64)
     signature = types.void(lanes, integers, *5 * [lanes], integers)

@@ -24,7 +24,7 @@ class LaneCrew(Struct):
     lane_force: Addresses  # (effects,) of force() for lanes, 0: none; (0,): for each member alone
     lane_drives: Addresses  # (1,) of the function that places prescribed blocks in lanes, or (0,)
     params: Floats  # (numbers W,) of `Effects.params`, in lanes
-    parted: Integers  # (1,) 1 if the members have taken different branches
+    parted: Integers  # (1,) 0 if the members have taken the same branches
     steady: Integers  # (1,) 1 if Q depends neither on time nor on the motion
     dated: Integers  # (1,) 1 if forces or drives have kinks over time
     result: Integers  # (W,) of the steps of each

@@ -3,8 +3,9 @@
 A function of numbers that is compiled for these does for all lanes at once what it does for a
 number: each lane has the bits that the function gives for its member alone. A comparison that
 holds in all lanes, or in none, is its truth value. Where lanes differ, or their whole numbers do,
-the note says so, and the results are of no use: the function is then to be called for one member
-after another.
+the note says so, and the function takes the branches of the member in the first lane: its loops
+end, and its indices are in range, where they do for that member. The results are then of no use,
+and the function is to be called for one member after another.
 
 `branching` makes a vector of them. Functions that are not defined here do not compile.
 """
@@ -21,14 +22,16 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.errors import UnsupportedError
 from numba.core.typing.templates import signature
-from numba.extending import intrinsic
+from numba.extending import intrinsic, lower_builtin
 
 from alf_ros.kernel.numba_ext.branch_notes import nearest_whole, plain_value
 from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.lane_numbers import (
     KNOWN,
     LanesType,
+    MaskType,
     anywhere,
     by_parts,
     everywhere,
@@ -46,6 +49,7 @@ from alf_ros.kernel.numba_ext.number_types import (
 )
 
 _notes = types.CPointer(types.int64)
+UNFINISHED, PARTED = 1, 2  # notes; see `finish`
 _NUMBER = 8  # bytes
 _index = ir.IntType(32)
 
@@ -107,13 +111,63 @@ def _note_of(typing: Any, x: Any, y: Any) -> Any:
     return _notes(x, y), code
 
 
+@intrinsic
+def _part(typing: Any, note: Any) -> Any:
+    """Note that lanes part. Numbers that were plain have no note: of these no lane differs."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        with builder.if_then(cgutils.is_not_null(builder, args[0]), likely=False):
+            builder.store(ir.Constant(ir.IntType(64), PARTED), args[0])
+        return context.get_dummy_value()
+
+    return types.void(note), code
+
+
+@intrinsic
+def _first(typing: Any, v: Any) -> Any:
+    """The number of the first lane, or its truth value."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        value = args[0]
+        if isinstance(value.type, ir.ArrayType):
+            value = builder.extract_value(value, 0)
+        value = builder.extract_element(value, _index(0))
+        return builder.trunc(value, ir.IntType(1)) if isinstance(v, MaskType) else value
+
+    return (types.boolean if isinstance(v, MaskType) else types.float64)(v), code
+
+
 @inlined
 def _agreed(mask: Any, note: Any) -> Any:
     """A truth value for all lanes; notes where they differ."""
-    found = everywhere(mask)
-    if not found and anywhere(mask):
-        note[0] = 1
-    return found
+    if everywhere(mask) != anywhere(mask):
+        _part(note)
+    return _first(mask)
+
+
+@inlined
+def begin(note: Any) -> None:
+    """Before a call in lanes: note that it has not come to its end."""
+    note[0] = UNFINISHED
+
+
+@inlined
+def finish(note: Any) -> None:
+    """After the call. The note is 0 if no lanes have parted and no lane has ended the call by an
+    error, as 0.0**-1 does, which would take the results of all others with it."""
+    note[0] -= UNFINISHED
+
+
+def _refused(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    raise UnsupportedError('numbers of several members are not one object')
+
+
+# numba takes numbers that are equal for one object, and lanes for two
+for _sign in (operator.is_, operator.is_not):
+    lower_builtin(_sign, BranchingType, BranchingType)(_refused)
+    for _plain in PLAIN:
+        lower_builtin(_sign, BranchingType, _plain)(_refused)
+        lower_builtin(_sign, _plain, BranchingType)(_refused)
 
 
 # -------------------------------------------------------------------------------- instructions
@@ -172,19 +226,6 @@ def _rounded(name: str) -> Any:
     return made
 
 
-@intrinsic
-def _first(typing: Any, v: Any) -> Any:
-    """The number of the first lane."""
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value = args[0]
-        if isinstance(value.type, ir.ArrayType):
-            value = builder.extract_value(value, 0)
-        return builder.extract_element(value, _index(0))
-
-    return types.float64(v), code
-
-
 def _whole(name: str, *functions: Any) -> None:
     """Take a rule that gives a whole number, which all lanes must have."""
     rounding = _rounded(name)
@@ -194,7 +235,7 @@ def _whole(name: str, *functions: Any) -> None:
         found = rounding(x.value)
         first = _first(found)
         if not everywhere(found == first):
-            x.note[0] = 1
+            _part(x.note)
         return int(first)
 
     def matching(x: Any) -> Any:

@@ -85,12 +85,12 @@ expanded = njit(**_options, inline='always')
 
 
 def by_address(
-    signature: Any, of: Callable[..., Any] | None = None, variant: str = ''
+    signature: Any, of: Callable[..., Any] | None = None, variant: str = '', **options: Any
 ) -> Callable[[Callable[..., Any]], Any]:
     """A C function, which the kernel calls by its `address`. It is compiled only if needed.
 
     `of`: the function that a closure passes on; its machine code is kept as code of that one, of
-    this `variant` if closures of one signature differ.
+    this `variant` if closures of one signature differ. `options`: of numba.
     The function is put into its C function: a call of an effect is one call, not two.
     """
 
@@ -98,9 +98,8 @@ def by_address(
         if PLAIN:
             return Function(signature, function)
         types = sigutils.normalize_signature(signature)
-        made: Any = CFunc(
-            function, types, locals={}, options={'error_model': 'numpy', 'forceinline': True}
-        )
+        all_options = {'error_model': 'numpy', 'forceinline': True, **options}
+        made: Any = CFunc(function, types, locals={}, options=all_options)
         made._cache = cache = Cache(function if of is None else of, variant)
         cache.guarded(made.compile)()
         return made
