@@ -51,6 +51,39 @@ class _Quantity:
     components: tuple[str, ...]
 
 
+class RunReader:
+    """Reads samples one by one, for runs that are stepped in turns. It keeps their numbers, and no
+    sample: a sample holds memory for all quantities of the mechanism."""
+
+    def __init__(self, only: Sequence[str] | None = None) -> None:
+        self._only = only
+        self._has_open = False
+        self.times: list[float] = []
+        self.rows: list[tuple[Floats, ...]] = []
+        self.wanted: list[tuple[Group, list[int]]] = []
+        self.of_rank: dict[int, Sample] = {}  # a sample of each number of redundant rows
+        self.last: Sample | None = None
+
+    def read(self, sample: Sample) -> None:
+        """Read the next sample. Raises InputError as `Run` does."""
+        if not isinstance(sample, Sample):
+            raise InputError('not a sample', key='samples', value=sample)
+        if not self.times:
+            self.wanted = _wanted(groups(sample), self._only)
+            self._has_open = any(may_be_open(group.names[0]) for group, _ in self.wanted)
+        if self._has_open:
+            self.of_rank.setdefault(sample.diagnostics.redundant, sample)
+            self.last = sample
+        self.times.append(sample.t)
+        self.rows.append(tuple(group.read(sample)[which] for group, which in self.wanted))
+
+    def run(self) -> Run:
+        """The run so far. Raises InputError if there are no samples."""
+        found = Run.__new__(Run)
+        found._take(self)
+        return found
+
+
 class Run:
     """Quantities of N samples, by name; SI, world frame, read-only.
 
@@ -68,32 +101,22 @@ class Run:
         `only`: the quantities that are read, all others cost nothing. Raises InputError for an
         unknown name, for something else than samples, and if there are no samples.
         """
-        self._of_rank: dict[int, Sample] = {}  # a sample of each number of redundant rows
-        self._last: Sample | None = None
-        times: list[float] = []
-        rows: list[tuple[Floats, ...]] = []
-        wanted: list[tuple[Group, list[int]]] = []
-        has_open = False
+        reader = RunReader(only)
         for sample in samples:
-            if not isinstance(sample, Sample):
-                raise InputError('not a sample', key='samples', value=sample)
-            if not times:
-                wanted = _wanted(groups(sample), only)
-                has_open = any(may_be_open(group.names[0]) for group, _ in wanted)
-            if has_open:
-                self._of_rank.setdefault(sample.diagnostics.redundant, sample)
-                self._last = sample
-            times.append(sample.t)
-            rows.append(tuple(group.read(sample)[which] for group, which in wanted))
-        if not times:
+            reader.read(sample)
+        self._take(reader)
+
+    def _take(self, reader: RunReader) -> None:
+        if not reader.times:
             raise InputError('no samples', key='samples', expected='one or more')
+        self._of_rank, self._last = reader.of_rank, reader.last
         quantities: dict[str, _Quantity] = {}
-        for k, (group, which) in enumerate(wanted):
-            values = read_only(np.array([row[k] for row in rows], dtype=float))
+        for k, (group, which) in enumerate(reader.wanted):
+            values = read_only(np.array([row[k] for row in reader.rows], dtype=float))
             for n, at in enumerate(which):
                 found = _Quantity(values[:, n], group.units, group.components)
                 quantities[group.names[at]] = found
-        self._keep(read_only(np.array(times)), quantities)
+        self._keep(read_only(np.array(reader.times)), quantities)
 
     def _keep(self, t: Floats, quantities: dict[str, _Quantity]) -> None:
         self.t, self._quantities = t, quantities

@@ -10,7 +10,7 @@ import copy
 import math
 import operator
 import time
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -245,15 +245,15 @@ class SideBySide:
             group.settle(cost)
 
     def run(
-        self, duration: float, at: Sequence[float]
-    ) -> list[tuple[list[Sample], AlfError | None]]:
-        """`Simulation.run` of each: its samples at the times `at` (s), and what ended it early."""
+        self, duration: float, at: Sequence[float], look: Callable[[int, Sample], None]
+    ) -> dict[int, AlfError]:
+        """`Simulation.run` of each, in turns: `look` gets the number of a simulation and its
+        samples at the times `at` (s), one by one. Returns what ended simulations early."""
         if not self.simulations:
-            return []
+            return {}
         first = self.simulations[0]
         h, index = first.h, first.step_index
         last = index + check.steps_of(duration, h, index)
-        found: list[list[Sample]] = [[] for _ in self.simulations]
         failed: dict[int, AlfError] = {}
         for t in check.times(at, first.t, h):
             ahead = math.floor(t / h + check.CLOSE) - index
@@ -263,12 +263,12 @@ class SideBySide:
             for k, each in enumerate(self.simulations):
                 if k not in failed:
                     try:
-                        found[k].append(each._sample_at(t))
+                        look(k, each._sample_at(t))
                     except StepError as error:
                         failed[k] = error
         if index < last:
             failed |= self.step(last - index, failed)
-        return [(samples, failed.get(k)) for k, samples in enumerate(found)]
+        return failed
 
 
 def no_place(simulation: Simulation) -> str:

@@ -13,6 +13,7 @@ from alf_ros import BusyError, InputError, Simulation, StepError, load_scene
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.side_by_side import SideBySide, no_place
 from support.side_by_side_members import check, member
 from support.singular_starts import GRAVITY, scene
@@ -193,10 +194,14 @@ def test_samples_of_a_run(integrator):
     made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator=integrator) for k in range(2)]
     alone = [copy.copy(each) for each in made]
     times = [0.0, 0.01, 0.0234567, 0.05]
-    for (samples, error), each in zip(SideBySide(made).run(0.06, times), alone, strict=True):
-        seen = list(each.run(0.06, at=times))
-        assert error is None and [s.t for s in samples] == [s.t for s in seen]
-        assert [s.state.q.tobytes() for s in samples] == [s.state.q.tobytes() for s in seen]
+    found: list[list[tuple[float, bytes]]] = [[] for _ in made]
+
+    def look(k: int, sample: Sample) -> None:
+        found[k].append((sample.t, sample.state.q.tobytes()))
+
+    assert SideBySide(made).run(0.06, times, look) == {}
+    for samples, each in zip(found, alone, strict=True):
+        assert samples == [(s.t, s.state.q.tobytes()) for s in each.run(0.06, at=times)]
     check(made, alone)
 
 
@@ -263,7 +268,7 @@ def test_other_refusals():
         SideBySide([one, one])
     with pytest.raises(InputError, match='not a simulation'):
         SideBySide([one, 'slider_crank'])  # type: ignore[list-item]
-    assert SideBySide([]).step(3) == {} and SideBySide([]).run(0.1, [0.0]) == []
+    assert SideBySide([]).step(3) == {} and SideBySide([]).run(0.1, [0.0], print) == {}
     with pytest.raises(InputError, match='2, 4, 8 or 16'):
         SideBySide([one], lanes=3)
     with pytest.raises(InputError, match='n: '):

@@ -294,6 +294,21 @@ def test_statistics_and_indices_of_a_law_that_is_known():
     assert found['m'].correlation > 0.2 and found['L'].correlation > 0.2
 
 
+def test_a_single_number_has_all_of_the_influence(tmp_path: Path) -> None:
+    """scipy takes no single number: the command ended with a traceback behind its last member."""
+    vary = {'m': {'uniform': [1, 3]}}
+    kept = ['final(energy)']
+    study = study_of(
+        'slider_crank', vary, members=48, sampling='saltelli', outputs=kept, duration=0.01
+    )
+    statistics = Statistics(study)
+    for number in range(study.chunks):
+        statistics.add(run_chunk(study, number))
+    (found,) = statistics.influences('final_energy')
+    assert found.points == 16
+    assert (found.first, found.total) == pytest.approx((1.0, 1.0), abs=0.05)
+
+
 @pytest.mark.parametrize(
     ('given', 'said'),
     [

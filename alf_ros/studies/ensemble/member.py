@@ -55,13 +55,15 @@ def member_of(
         return Member(outputs_of(study, samples, passes))
     except StoppedError:
         raise
-    except AlfError as error:
-        reason = str(error)
-    except (ArithmeticError, MemoryError) as error:
-        reason = f'{type(error).__name__}: {error}'
-    except _FunctionError as error:
-        reason = str(error)
-    return failed(study, reason)
+    except (AlfError, ArithmeticError, MemoryError, _FunctionError) as error:
+        return failed(study, reason_of(error))
+
+
+def reason_of(error: Exception) -> str:
+    """The reason of a member that ends with this error."""
+    if isinstance(error, ArithmeticError | MemoryError):
+        return f'{type(error).__name__}: {error}'
+    return str(error)
 
 
 def members_of(study: Study, runs: RunsTogether, count: int) -> list[Member]:

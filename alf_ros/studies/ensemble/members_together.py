@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from alf_ros.errors import AlfError
+from alf_ros.errors import AlfError, StoppedError
+from alf_ros.inspection.run import RunReader
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.sample import Sample
@@ -16,8 +17,10 @@ from alf_ros.simulation.side_by_side import SideBySide, no_place
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.member import (
     Member,
+    failed,
     member_of,
     members_of,
+    reason_of,
     run_member,
     simulation_of,
 )
@@ -89,14 +92,33 @@ def _side_by_side(study: Study, members: Sequence[int]) -> dict[int, Member]:
     done: dict[int, Member] = {}
     for group in together.values():
         if len(group) > 1:
-            beside = SideBySide(list(group.values()))
-            runs = beside.run(study.duration, study.instants[0].tolist())
-            for k, (samples, error) in zip(group, runs, strict=True):
-                done[k] = member_of(study, _told(samples, error))
+            readers = [RunReader(study.quantities) for _ in group]
+            failures = _read(list(group.values()), study, readers)
+            for n, (k, reader) in enumerate(zip(group, readers, strict=True)):
+                if n in failures:
+                    done[k] = failed(study, reason_of(failures[n]))
+                else:
+                    done[k] = member_of(study, reader.run())
     return done
 
 
-def _told(samples: Sequence[Sample], error: AlfError | None) -> Iterator[Sample]:
-    yield from samples
-    if error is not None:
-        raise error
+def _read(
+    simulations: Sequence[Simulation], study: Study, readers: Sequence[RunReader]
+) -> dict[int, Exception]:
+    """Run simulations and read each sample at once, as one that runs alone is read: samples of
+    all members would need much memory. Returns what fails first, by number."""
+    failures: dict[int, Exception] = {}
+
+    def look(n: int, sample: Sample) -> None:
+        if n in failures:
+            return
+        try:
+            readers[n].read(sample)
+        except StoppedError:
+            raise
+        except (AlfError, ArithmeticError, MemoryError) as error:
+            failures[n] = error
+
+    beside = SideBySide(simulations)
+    ended = beside.run(study.duration, study.instants[0].tolist(), look)
+    return {**ended, **failures}

@@ -127,11 +127,12 @@ class Statistics:
             return unknown, unknown, 0
         n = 1 << int(math.log2(len(points)))
         columns = points[:n].T
+        # scipy takes no single number: the number beside it changes nothing
+        changed = columns[2:] if d > 1 else np.concatenate([columns[2:], columns[:1]])
         told = stats.sobol_indices(
-            func={'f_A': columns[:1], 'f_B': columns[1:2], 'f_AB': columns[2:].reshape(d, 1, n)},
-            n=n,
+            func={'f_A': columns[:1], 'f_B': columns[1:2], 'f_AB': changed[:, None]}, n=n
         )
-        first, total = np.ravel(told.first_order), np.ravel(told.total_order)
+        first, total = np.ravel(told.first_order)[:d], np.ravel(told.total_order)[:d]
         return first.tolist(), total.tolist(), n
 
 
