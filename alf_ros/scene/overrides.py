@@ -205,6 +205,8 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
                 if isinstance(instance.value, dict):
                     places.setdefault(key, []).append(('effects', kind, key))
     found = places.get(first, [])
+    if all(place[0] == 'mechanism' for place in found):
+        _refuse_input(root, name, said)
     if not found and not rest:
         inside = _numbers_of_parts(root, first)
         if inside:
@@ -221,6 +223,24 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     if len(found) > 1:
         found = _that_have(root, found, rest, said, name)
     return (*found[0], *rest)
+
+
+def _refuse_input(root: Entry, name: str, said: str) -> None:
+    """Raise InputError for the name of an input, which is held from outside: a scene has a number
+    of it only as an effect."""
+    first, _, rest = name.partition('.')
+    mechanism = root.mapping()['mechanism'].mapping()
+    joints = mechanism['joints'].mapping() if 'joints' in mechanism else {}
+    if first == 'wrenches' and rest:
+        effect = f'constant_wrench: {{push: {{on: {rest.partition(".")[0]}, force: …}}}}'
+        number = 'push.force.0'
+    elif name.endswith('.effort') and (first == 'joints' or name[:-7] in joints):
+        joint = rest[:-7] if first == 'joints' else name[:-7]
+        effect, number = f'joint_effort: {{push: {{joint: {joint}, effort: 0}}}}', 'push.effort'
+    else:
+        return
+    expected = f'an effect in its place, {effect}, which has the number {number}'
+    raise InputError('an input from outside is no number', key=said, value=name, expected=expected)
 
 
 def _in_effects(kinds: Iterable[str], name: str) -> tuple[str, ...]:

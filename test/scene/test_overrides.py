@@ -178,3 +178,23 @@ def test_a_change_is_given_once() -> None:
     assert overrides.read(['a = 1', 'b=2']) == {'a': '1', 'b': '2'}
     with pytest.raises(InputError, match="--set: given twice, got 'a'"):
         overrides.read(['a=1', 'a =2'])
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [
+        ('joints.crank_pin.effort', 'joint_effort: {push: {joint: crank_pin, effort: 0}}'),
+        ('crank_pin.effort', 'joint_effort: {push: {joint: crank_pin, effort: 0}}'),
+        ('wrenches.B.force.x', 'constant_wrench: {push: {on: B, force'),
+    ],
+)
+def test_an_input_from_outside_is_an_effect_or_none(name: str, said: str) -> None:
+    """It said that the scene has nothing of this name, and not how to have it."""
+    scene = load_scene('slider_crank')
+    with pytest.raises(InputError, match='an input from outside is no number') as caught:
+        overrides.number(scene, name)
+    assert said in str(caught.value)
+    motor = {'crank_pin': {'joint': 'crank_pin', 'effort': 0.5}}
+    named = load_scene({'mechanism': 'slider_crank', 'effects': {'motor': motor}})
+    if name == 'crank_pin.effort':  # the effect has the name of the joint
+        assert overrides.number(named, name) == 0.5
