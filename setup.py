@@ -76,6 +76,7 @@ setup(
         'table': ['pandas', 'pyarrow', 'xarray'],
         'import': ['urdf-parser-py', 'mujoco', 'xacro', f'usd-core; {HAS_USD}'],
         'ensemble': ['dask', 'distributed', 'xarray', 'zarr'],
+        'bags': ['rosbags'],
         'view': ['foxglove-sdk', 'trimesh', 'pycollada'],
     },
     zip_safe=False,

@@ -184,7 +184,7 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
         (none, None, "no recorded joint is one of the scene, got 'crankpin'; did you mean"),
         (speeds, None, "joints: velocities without positions, got 'guide'; expected positions,"),
         (short, None, 'bag_0.mcap: /joint_states: a message that is not of its type'),
-        (tmp_path / 'sqlite', None, 'a recording in SQLite; expected MCAP: `ros2 bag convert`'),
+        (tmp_path / 'sqlite', None, 'cannot be read: Cannot open database'),
         (tmp_path / 'db3.zstd', None, 'a recording in SQLite; expected MCAP: `ros2 bag convert`'),
         (tmp_path / 'mcap.zstd', None, 'a recording in compressed files; expected files that `zs'),
         (tmp_path / 'mcap.zstd' / 'bag_0.mcap.zstd', None, 'a recording in compressed files;'),

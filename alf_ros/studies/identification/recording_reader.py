@@ -1,4 +1,4 @@
-"""Recordings from rosbag2: a folder with MCAP files, or one such file.
+"""Recordings from rosbag2: a folder, or a file of one.
 
 Positions and velocities come from JointState messages; `recorded_inputs` reads what acted. Times
 are the stamps of the headers.
@@ -20,6 +20,7 @@ from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.identification import rosbag_files
 from alf_ros.studies.identification.counted_once import check_one_source, first_at_stamps
 from alf_ros.studies.identification.recorded_inputs import RecordedInputs
 from alf_ros.studies.identification.recorded_names import RecordedNames, Topics, is_called
@@ -50,13 +51,14 @@ class _Reader:
         self._plan = plan
         self._names = RecordedNames(path, topics)
         self._inputs = RecordedInputs(self._names, simulation, plan)
-        self._files = _parts(path)
+        self._is_other = rosbag_files.is_for_rosbags(path)
+        self._files = [path] if self._is_other else _parts(path)
         self._joints: dict[tuple[str, str], list[tuple[Integers, Floats]]] = {}
         self._sources: dict[str, str] = {}  # of each joint, its name in the recording
         self._untimed = ''  # a topic of measurements without stamps
         self._unused: dict[str, None] = {}
         self._all: dict[str, str] = {}  # topic -> type
-        self._damage = log.absent(path, self._files)
+        self._damage = '' if self._is_other else log.absent(path, self._files)
 
     def recording(self) -> Recording:
         own = self._own_log()
@@ -125,14 +127,17 @@ class _Reader:
     # ---------------------------------------------------------------------------------- reading
 
     def _own_log(self) -> log.Log | None:
+        if self._is_other:
+            return None
         contents = mcap_chunks.described(self._files[0], log.RECORD)
         return log.load(self._path) if log.RECORD in contents.metadata else None
 
     def _series(self, journal_topic: str | None) -> Iterator[Series]:
+        blocks = rosbag_files.blocks if self._is_other else mcap_chunks.blocks
         for file in self._files:
             contents = Contents()
             readers: dict[int, ChannelReader] = {}
-            for block in mcap_chunks.blocks(file, contents):
+            for block in blocks(file, contents):
                 for id_ in np.unique(block.channel).tolist():
                     channel = contents.channels[id_]
                     known = self._all.setdefault(channel.topic, channel.type)
