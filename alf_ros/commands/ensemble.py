@@ -150,6 +150,8 @@ class _Lines:
                 f'stopped; {self._folder} keeps {self.last.done} of {self.last.members} members, '
                 'the same command continues'
             )
+            if self.last.done:
+                self.tell()
 
     def __call__(self, progress: Progress) -> None:
         if self.last is None:
@@ -166,7 +168,7 @@ class _Lines:
         self._bar.line(text)
 
     def tell(self) -> None:
-        """Print the statistics of each number."""
+        """Print the statistics of each number, of the members that have finished."""
         assert self.last is not None
         statistics = self.last.statistics
         for name, unit in statistics.units.items():

@@ -14,7 +14,16 @@ import yaml
 from alf_ros.__main__ import main
 from alf_ros.studies.ensemble.worker_process import COMMAND
 from support.design_scenes import sprung_block
-from support.ensemble_kills import PATIENCE, children, environment, is_gone, wait
+from support.ensemble_kills import (
+    PATIENCE,
+    begun,
+    children,
+    environment,
+    is_gone,
+    study_in,
+    wait,
+)
+from support.ensemble_kills import STUDY as STUDY_OF_MEMBERS
 
 STUDY = """scene: block.yaml
 vary: {main.stiffness: [10, 100]}
@@ -49,6 +58,25 @@ def test_workers_end_before_their_command(number: int, code: int, tmp_path: Path
     assert (process.returncode, out) == (code, '')
     assert said == _said('optimise', number)
     assert not (tmp_path / 'optimised').exists()
+
+
+def test_an_ensemble_that_is_stopped_tells_what_it_knows(tmp_path: Path) -> None:
+    """The statistics of the members that have finished; only the first mean was to be seen."""
+    file, _ = study_in(tmp_path)
+    file.write_text(STUDY_OF_MEMBERS.replace('members: 23', 'members: 100000'), 'utf-8')
+    store = tmp_path / 'it.zarr'
+    process = begun(file, store, '--workers', '1')
+    try:
+        wait(lambda: len(list(store.glob('.*/chunks/*.json'))) > 2 or process.poll() is not None)
+        process.send_signal(signal.SIGINT)
+        out, said = process.communicate(timeout=PATIENCE)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert 'the same command continues' in said
+    lines = out.splitlines()
+    assert lines[0].startswith('max_norm_knee.force: ')
+    assert all(' ± ' in line and 'median' in line and '(member ' in line for line in lines)
 
 
 def test_a_worker_ends_with_its_client_while_it_imports(tmp_path: Path) -> None:
