@@ -80,11 +80,15 @@ def workers(pipe: Any, address: str, count: int, study: Study) -> None:
 
     async def run() -> None:
         with tempfile.TemporaryDirectory() as folder:
-            made = [
+            made = [  # each looks through its folder when it begins, so one for all is slow
                 Worker(
-                    address, nthreads=1, memory_limit=0, local_directory=folder, dashboard=False
+                    address,
+                    nthreads=1,
+                    memory_limit=0,
+                    local_directory=f'{folder}/{k}',
+                    dashboard=False,
                 )
-                for _ in range(count)
+                for k in range(count)
             ]
             for begin in range(0, count, _BEGUN_AT_ONCE):
                 await asyncio.gather(*made[begin : begin + _BEGUN_AT_ONCE])
