@@ -5,7 +5,8 @@ from __future__ import annotations
 import shutil
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 from alf_ros.digest import digest_now
 from alf_ros.errors import AlfError, InputError
 from alf_ros.studies.ensemble import cluster, store
-from alf_ros.studies.ensemble.chunk import run_chunk
+from alf_ros.studies.ensemble.chunk import Chunk, run_chunk
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
 from support.paths import ROOT
@@ -31,6 +32,24 @@ period: 0.01
 chunk: 1
 outputs: [final(energy)]
 """
+
+
+def _too_large(study: Study, number: int) -> Chunk:
+    raise MemoryError('two\nlines')
+
+
+def _killed(study: Study, number: int) -> Chunk:
+    raise distributed.KilledWorker('run_on_worker', SimpleNamespace(address='tcp://gone'), 3)
+
+
+def _first_fails(study: Study, number: int) -> Chunk:
+    if number == 0:
+        raise MemoryError
+    return Chunk(number, {})
+
+
+def _nothing(study: Study, number: int) -> Chunk:
+    return Chunk(number, {})
 
 
 @pytest.fixture
@@ -78,16 +97,10 @@ def test_a_scheduler_without_workers_is_told_and_waited_for(study: Study, here: 
     assert energies == {k: run_chunk(study, k).arrays['final_energy'].tobytes() for k in (0, 1)}
 
 
-def test_what_a_worker_cannot_do_is_one_line(
-    study: Study, here: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def run(study: Study, number: int) -> None:
-        raise MemoryError('two\nlines')
-
-    monkeypatch.setattr(cluster, 'run_chunk', run)
+def test_what_a_worker_cannot_do_is_one_line(study: Study, here: Any) -> None:
     here.scale(1)
     with pytest.raises(AlfError) as caught:
-        list(cluster.Cluster(here.scheduler_address).chunks(study, [1]))
+        list(cluster.Cluster(here.scheduler_address, run=_too_large).chunks(study, [1]))
     assert str(caught.value) == (
         'a worker cannot run members 1 to 1: MemoryError: two lines; what is finished is kept'
     )
@@ -121,15 +134,63 @@ def test_all_code_of_the_package_counts(
     assert store.versions() != before
 
 
-def test_members_that_kill_their_workers_are_named(
-    study: Study, here: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    killed = distributed.KilledWorker('run_on_worker', SimpleNamespace(address='tcp://gone'), 3)
-
-    def run(study: Study, number: int) -> None:
-        raise killed
-
-    monkeypatch.setattr(cluster, 'run_chunk', run)
+def test_members_that_kill_their_workers_are_named(study: Study, here: Any) -> None:
     here.scale(1)
     with pytest.raises(AlfError, match=r'died again and again with members 0 to 0; what is fin'):
-        list(cluster.Cluster(here.scheduler_address).chunks(study, [0]))
+        list(cluster.Cluster(here.scheduler_address, run=_killed).chunks(study, [0]))
+
+
+def test_what_is_finished_beside_a_failing_chunk_is_kept(study: Study, here: Any) -> None:
+    """Of chunks that are fetched together, the failing one ends the study last."""
+    here.scale(1)
+    given = cluster.Cluster(here.scheduler_address, run=_first_fails).chunks(study, [0, 1])
+    assert next(given).number == 1
+    with pytest.raises(AlfError, match='a worker cannot run members 0 to 0'):
+        next(given)
+
+
+def test_a_result_that_goes_with_its_worker_is_made_again(
+    tmp_path: Path, here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was finished, and not fetched yet: the command said that the scheduler had gone."""
+    monkeypatch.setattr(cluster, '_FETCHED', 1)
+    study = _study(tmp_path, members=6)
+    here.scale(1)
+    address = next(iter(_workers(here, 1)))
+    crew = cluster.Cluster(here.scheduler_address, lambda _: here.scale(2))
+    given = crew.chunks(study, range(6))
+    found = [next(given).number]
+    tasks = here.scheduler.tasks
+    _until(lambda: bool(tasks) and all(each.state == 'memory' for each in list(tasks.values())))
+    here.sync(here.scheduler.remove_worker, address, stimulus_id='test')
+    _until(lambda: any(each.status == 'lost' for each in list(crew._client.futures.values())))
+    found += [each.number for each in given]
+    assert sorted(found) == list(range(6))
+
+
+def test_all_chunks_of_a_large_study_come_once(tmp_path: Path, here: Any) -> None:
+    """Several fetches, and several times new chunks, by workers with several threads."""
+    study = _study(tmp_path, members=150)
+    here.scale(2)
+    given = cluster.Cluster(here.scheduler_address, run=_nothing).chunks(study, range(150))
+    assert sorted(each.number for each in given) == list(range(150))
+    _until(lambda: not here.scheduler.tasks)  # workers keep no result
+
+
+def _study(folder: Path, members: int) -> Study:
+    file = folder / 'many.yaml'
+    masses = ', '.join(f'{1.0 + 0.01 * k}' for k in range(members))
+    file.write_text(STUDY.replace('1.0, 1.1', masses), 'utf-8')
+    return load_study(file)
+
+
+def _workers(here: Any, count: int) -> Any:
+    _until(lambda: len(here.scheduler.workers) == count)
+    return here.scheduler.workers
+
+
+def _until(holds: Callable[[], bool]) -> None:
+    last = time.monotonic() + 60.0
+    while not holds():
+        assert time.monotonic() < last
+        time.sleep(0.01)

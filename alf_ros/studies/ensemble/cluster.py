@@ -9,11 +9,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import pickle
 import textwrap
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from typing import Any
 
@@ -29,6 +30,10 @@ _CONNECTING = 10.0  # s
 _UNHEARD = 5.0  # s without a worker before it is told
 _LONGEST_SAID = 200  # characters of what a worker said
 _LOOKING = 0.05  # s between two looks for finished chunks
+_COUNTING = 1.0  # s between two counts of the threads of the cluster
+# of a chunk that went with its worker before it was fetched: the scheduler runs it once more
+_AGAIN = ('lost', 'pending', 'finished')
+_FETCHED = 32  # chunks in one answer: some have histories of thousands of members
 
 
 def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
@@ -45,7 +50,9 @@ def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
                 value=here[name],
                 expected=version,
             )
-    return run_chunk(pickle.loads(pickled), number)
+    run, study = pickle.loads(pickled)
+    found: Chunk = run(study, number)
+    return found
 
 
 def _own_address() -> str:
@@ -62,7 +69,12 @@ class Cluster:
     Raises InputError without `distributed`, and if no scheduler answers there.
     """
 
-    def __init__(self, address: str, tell: Callable[[str], None] = _LOG.warning) -> None:
+    def __init__(
+        self,
+        address: str,
+        tell: Callable[[str], None] = _LOG.warning,
+        run: Callable[[Study, int], Chunk] = run_chunk,
+    ) -> None:
         try:
             import distributed
         except ImportError:
@@ -70,8 +82,9 @@ class Cluster:
                 "a cluster needs distributed: pip install 'alf_ros[ensemble]'", key='scheduler'
             ) from None
         self._distributed: Any = distributed
-        self._address = address
+        self._address, self._run = address, run
         self._tell, self._is_told_empty = tell, False
+        self._threads_then, self._counted = 0, -math.inf
         self._client: Any = None
         if _is_scheduler(distributed, address):
             with contextlib.suppress(OSError, TimeoutError, ValueError, TypeError):
@@ -83,33 +96,53 @@ class Cluster:
                 'no scheduler answers', key='scheduler', value=address, expected='tcp://host:port'
             )
 
-    def chunks(self, study: Study, numbers: Sequence[int]) -> Iterator[Chunk]:
-        """The chunks of these numbers as they are done."""
-        pickled, wanted = pickle.dumps(study, protocol=4), versions()
+    def chunks(self, study: Study, numbers: Sequence[int]) -> Generator[Chunk, None, None]:
+        """The chunks of these numbers as they are done.
+
+        All finished chunks are fetched together, and new ones are given out together: with
+        hundreds of workers, a question to the scheduler for each chunk took longer than they do.
+        """
+        pickled, wanted = pickle.dumps((self._run, study), protocol=4), versions()
         waiting, deaths = list(reversed(numbers)), dict.fromkeys(numbers, 0)
         running: dict[Any, int] = {}
         done = self._distributed.as_completed(loop=self._client.loop, raise_errors=False)
 
         def give() -> None:
-            most = AHEAD * max(1, self._threads) if waiting else 0
-            while waiting and len(running) < most:
-                number = waiting.pop()
-                future = self._client.submit(run_on_worker, pickled, wanted, number, pure=False)
-                running[future] = number
-                done.add(future)
+            if not waiting:
+                return
+            count = AHEAD * max(1, self._threads_lately()) - len(running)
+            given = [waiting.pop() for _ in range(min(count, len(waiting)))]
+            if given:
+                each = [pickled] * len(given), [wanted] * len(given), given
+                futures = self._client.map(run_on_worker, *each, pure=False)
+                running.update(zip(futures, given, strict=True))
+                done.update(futures)
 
         try:
-            give()
-            while running:
-                self._wait(done)
-                future = next(done)
-                number = running.pop(future)
-                found = self._outcome(future, study, number, deaths)
-                if found is None:
-                    waiting.append(number)
+            while running or waiting:
                 give()
-                if found is not None:
-                    yield found
+                self._wait(done)
+                ready = {future: running.pop(future) for future in done.next_batch(block=False)}
+                give()  # workers go on while these are fetched and stored
+                failed = []
+                for some in _pieces(list(ready), _FETCHED):
+                    fetched = self._fetched(some)
+                    while some:
+                        future = some.pop(0)  # no reference is left: its worker forgets the chunk
+                        number = ready.pop(future)
+                        found = fetched.pop(future.key, None)
+                        if found is None:
+                            failed.append((future, number))
+                        else:
+                            del future
+                            yield found
+                for future, number in failed:
+                    if future.status in _AGAIN:
+                        running[future] = number
+                        done.add(future)
+                    else:
+                        self._count_death(future, study, number, deaths)
+                        waiting.append(number)
         finally:
             self._client.cancel(list(running), force=True)
             self._client.close(timeout=1.0)
@@ -122,13 +155,18 @@ class Cluster:
             if time.monotonic() < last + _UNHEARD:
                 continue
             last = time.monotonic()
-            if self._is_told_empty == (self._threads == 0):
+            if self._is_told_empty == (self._threads() == 0):
                 continue
             self._is_told_empty = not self._is_told_empty
             if self._is_told_empty:
                 self._tell(f'the scheduler at {self._address} has no worker; waiting for one')
 
-    @property
+    def _threads_lately(self) -> int:
+        """Of all workers, at most a second ago."""
+        if time.monotonic() > self._counted + _COUNTING:
+            self._threads_then, self._counted = self._threads(), time.monotonic()
+        return self._threads_then
+
     def _threads(self) -> int:
         try:
             return sum(self._client.nthreads().values())
@@ -141,19 +179,23 @@ class Cluster:
             'command goes on from there'
         )
 
-    def _outcome(
-        self, future: Any, study: Study, number: int, deaths: dict[int, int]
-    ) -> Chunk | None:
-        """The chunk of a future; None if it is to be given out again."""
-        if future.status in ('cancelled', 'lost'):
-            raise self._gone()
+    def _fetched(self, futures: Sequence[Any]) -> dict[Any, Chunk | None]:
+        """The chunks of these futures by key, without the unfinished ones."""
+        finished = {each.key: each for each in futures if each.status == 'finished'}
+        if not finished:
+            return {}
         try:
-            if future.status == 'finished':
-                found: Chunk = future.result()
-                return found
-            error = future.exception()
-        except (OSError, TimeoutError, CancelledError):  # it went while the answer was fetched
+            found: dict[Any, Chunk | None] = self._client.gather(finished, errors='skip')
+            return found
+        except (OSError, TimeoutError, CancelledError):  # it went while they were fetched
             raise self._gone() from None
+
+    def _count_death(self, future: Any, study: Study, number: int, deaths: dict[int, int]) -> None:
+        """Count a death of the worker that ran a chunk. Raises AlfError for any other end of
+        the chunk, and for too many deaths."""
+        if future.status == 'cancelled':
+            raise self._gone()
+        error = future.exception()
         if isinstance(error, AlfError):
             raise error
         members = study.indices(number)
@@ -166,7 +208,12 @@ class Cluster:
             raise AlfError(
                 f'workers have died again and again with {which}; what is finished is kept'
             )
-        return None
+
+
+def _pieces(all_: list[Any], length: int) -> Iterator[list[Any]]:
+    """Of a list, each of at most this length."""
+    for begin in range(0, len(all_), length):
+        yield all_[begin : begin + length]
 
 
 def _is_scheduler(distributed: Any, address: str) -> bool:

@@ -17,6 +17,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import IO, Any
@@ -39,8 +40,12 @@ _LIBRARIES = ('numpy', 'scipy', 'numba', 'llvmlite')
 def versions() -> dict[str, str]:
     """Of all that may change a bit of a member. `sources`: a digest of the whole package, as a
     list of its folders would miss others that a member comes to need."""
-    libraries = {name: metadata.version(name) for name in _LIBRARIES}
-    return {'alf_ros': version(), 'sources': digest('.'), **libraries}
+    return {'alf_ros': version(), 'sources': digest('.'), **_libraries()}
+
+
+@cache  # 10 ms, and a worker of a cluster asks for each chunk
+def _libraries() -> dict[str, str]:
+    return {name: metadata.version(name) for name in _LIBRARIES}
 
 
 class EnsembleStore:
