@@ -1,10 +1,11 @@
 """How many chunks a Dask scheduler and the client of an ensemble keep up with:
 
-    .venv/bin/python benchmark/scheduler.py [--workers 10 100 1000] [--wait 2] [--no-results]
+    .venv/bin/python benchmark/scheduler.py [--workers 10 100] [--wait 2 2] [--no-results]
 
 The client is the one of `alf_ros ensemble --scheduler`, and the scheduler the one of
 distributed, each in a process of its own. Workers of distributed with one thread each are in a
-third process: their chunks wait instead of computing, and have the arrays of a real chunk.
+third process: their chunks wait instead of computing, and have the arrays of a real chunk. A
+thousand of them ask for more than one processor there, whatever they wait.
 Each row is without and with a store, whose files are written one after another by the client.
 
 A round is one chunk of each worker. The first two rounds, which have the start, and the last one,
@@ -169,15 +170,17 @@ def row(count: int, seconds: float, rounds: int, stored: bool) -> dict[str, str]
 def main() -> None:
     """Print all of it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--workers', type=int, nargs='+', default=[10, 100, 1000])
-    parser.add_argument('--wait', type=float, default=2.0)
+    parser.add_argument('--workers', type=int, nargs='+', default=[10, 100])
+    parser.add_argument('--wait', type=float, nargs='+', default=[2.0, 2.0])
     parser.add_argument('--rounds', type=int, default=5)
     parser.add_argument('--no-results', action='store_true')
     options = parser.parse_args()
     load, found = os.getloadavg()[0], []
-    for count in options.workers:
+    if len(options.wait) != len(options.workers):
+        parser.error('as many waits (s) as numbers of workers')
+    for count, seconds in zip(options.workers, options.wait, strict=True):
         for stored in (False, True):
-            found.append(row(count, options.wait, options.rounds, stored))
+            found.append(row(count, seconds, options.rounds, stored))
             print('  '.join(f'{key} {value}' for key, value in found[-1].items()), flush=True)
     if not options.no_results:
         with open(RESULTS / 'scheduler.csv', 'w', encoding='utf-8', newline='') as stream:

@@ -247,6 +247,25 @@ def lanes() -> str:
     return markdown(about, head, body)
 
 
+def scheduler() -> str:
+    """The chunks that a scheduler and the client keep up with."""
+    about, found = rows('scheduler.csv')
+    head = 'workers | a chunk, s | store | chunks | chunks/s | possible | ratio '
+    head += '| client, ms of processor a chunk | scheduler, ms '
+    head += '| client and scheduler, % of a chunk of 1 s | of 5 s'
+    keys: tuple[str, ...] = (
+        'workers',
+        'wait_s',
+        'store',
+        'chunks',
+        'chunks_per_s',
+        'possible',
+        'ratio',
+    )
+    keys += ('client_ms', 'scheduler_ms', 'of_1_s_percent', 'of_5_s_percent')
+    return markdown(about, head, [[row[key] for key in keys] for row in found])
+
+
 def closure() -> str:
     """The cost of closing loops."""
     about, found = rows('closure.csv')
@@ -357,6 +376,7 @@ TABLES = (
     ('soak', soak),
     ('day', day),
     ('lanes', lanes),
+    ('scheduler', scheduler),
     ('closure', closure),
     ('closure_passes', closure_passes),
     ('robots', robots),

@@ -99,7 +99,7 @@ def _is_done(code: int, said: str) -> bool:
 
 def _again(process: subprocess.Popen[str], whole: Whole, store: Path) -> subprocess.Popen[str]:
     """The same command behind the end of the last one; no finished chunk is made again. A study
-    that is done begins anew."""
+    that is done begins again."""
     before = seals(store)
     if _is_done(*ended(process)):
         assert contents(store) == whole.bytes
