@@ -1,5 +1,5 @@
-"""The derivative of each effect along a direction, as tangents use it: against differences of
-eighth order of what it exerts. Every effect is found; one without a derivative fails by its name.
+"""The derivatives of each effect, as tangents and adjoints use them, against the complex step of
+its own function. Every effect is found; one without a derivative fails by its name.
 """
 
 from __future__ import annotations
@@ -10,15 +10,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core.ccallback import CFunc
 
 from alf_ros import effects
 from alf_ros.arrays import Floats
+from alf_ros.effects.contract import OnDemand
 from alf_ros.effects.contract.dual_force import dual_force
 from alf_ros.effects.contract.force_branches import force_branches
 from alf_ros.effects.contract.traced_force import traced_force
-from support.effect_examples import CASES, simulation
+from support import complex_step
+from support.effect_examples import CASES, EXAMPLES, simulation
 
-_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+_EXACT = 2e-14  # of the largest force or slope: a hundred roundings
+# functions that have no derivative, and why
+WITHOUT_DERIVATIVE = {
+    'friction': 'it depends on the reactions, which it changes: tangents of a run refuse it',
+}
 _POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
 
 
@@ -31,8 +38,9 @@ class At:
         module, self.t = effects.load(kind), sim.t
         self.packed = module.pack(sim.scene.effects, sim.model.layout)
         self.q, self.qd, self.near = sim.state.q, sim.state.qd, sim.sample()._near
+        self.written = module.force._pyfunc
         self._force = ctypes.CFUNCTYPE(None, _NUMBER, *(6 * [_POINTER]))(module.force.address)
-        compiled = dual_force(module.force._pyfunc)
+        compiled = dual_force(self.written)
         self._dual = ctypes.CFUNCTYPE(None, _NUMBER, *(10 * [_POINTER]))(compiled.address)
 
     def exerted(self, q: Floats, qd: Floats, params: Floats) -> Floats:
@@ -49,14 +57,46 @@ class At:
         self._dual(self.t, *(each.ctypes.data for each in given))
         return Q, dQ
 
-    def differences(self, dq: Floats, dqd: Floats, dparams: Floats, h: float) -> Floats:
-        params, found = self.packed.params, np.zeros(self.q.size)
-        for k, weight in enumerate(_WEIGHTS, 1):
-            for sign in (1.0, -1.0):
-                s = sign * k * h
-                ends = self.q + s * dq, self.qd + s * dqd, params + s * dparams
-                found += sign * weight / h * self.exerted(*ends)
-        return found
+    def complex_step(self, dq: Floats, dqd: Floats, dparams: Floats) -> tuple[Floats, Floats]:
+        """The same, of the function as it is written."""
+        found: list[Any] = self.q.size * [0.0]
+        moving = (complex_step.along(x, dx) for x, dx in ((self.q, dq), (self.qd, dqd)))
+        fixed = self.near.tolist(), self.packed.slots.tolist()
+        numbers = complex_step.along(self.packed.params, dparams)
+        complex_step.in_complex(self.written)(self.t, *moving, *fixed, numbers, found)
+        return complex_step.values(found), complex_step.slopes(found)
+
+
+class Trace:
+    """Forces of a function, and how they depend on q, q̇ and the numbers that vary."""
+
+    def __init__(self, force: Any, t: float, data: tuple[Any, ...], varied: Any) -> None:
+        """data: q, q̇, near, slots, params; varied: which of q, q̇ and params."""
+        q, qd, near, slots, params = data
+        self.leaves, room = varied.size, 8192
+        numbers = np.where(varied, np.arange(self.leaves), -1)
+        self.words, self.slopes = np.zeros(3 + 2 * room, dtype=np.int64), np.zeros(2 * room)
+        self.words[1:3] = room, self.leaves
+        self.Q, self._along = np.zeros(q.size), np.zeros(q.size)
+        self._made = np.full(q.size, -1)
+        parts = numbers[: q.size], numbers[q.size : 2 * q.size], numbers[2 * q.size :]
+        given = (q, qd, near, slots, params, *parts)
+        written = (self.Q, self._made, self._along, self.words, self.slopes)
+        address = traced_force(force).address
+        call = ctypes.CFUNCTYPE(None, _NUMBER, *(13 * [_POINTER]))(address)
+        call(t, *(each.ctypes.data for each in (*given, *written)))
+        assert 0 <= self.words[0] <= room
+
+    def slope(self, direction: Floats) -> Floats:
+        """Of the forces along a direction (leaves,)."""
+        count = int(self.words[0])
+        moves = np.concatenate([direction, np.zeros(count)])
+        for k in range(count):
+            for m in range(2):
+                number = self.words[3 + 2 * k + m]
+                if number >= 0 and moves[number] != 0.0:
+                    moves[self.leaves + k] += self.slopes[2 * k + m] * moves[number]
+        return np.where(self._made >= 0, self._along * moves[self._made], 0.0)
 
 
 def directions(at: At, rng: np.random.Generator) -> dict[str, tuple[Floats, Floats, Floats]]:
@@ -70,24 +110,63 @@ def directions(at: At, rng: np.random.Generator) -> dict[str, tuple[Floats, Floa
     return {**found, 'numbers': (zero, zero, p)}
 
 
-@pytest.mark.parametrize(('kind', 'which'), [case for case in CASES if 'loaded' not in case[1]])
-def test_derivative_of_an_effect(kind: str, which: str) -> None:
-    at = At(kind, which)
-    rng = np.random.default_rng(7)
-    for name, along in directions(at, rng).items():
-        Q, dQ = at.slope(*along)
-        plain = at.exerted(at.q, at.qd, at.packed.params)
-        np.testing.assert_allclose(Q, plain, rtol=1e-14, atol=1e-14 * np.abs(plain).max())
-        tries = [at.differences(*along, h) for h in (1e-2, 1e-3, 1e-4)]
-        error = min(float(np.abs(each - dQ).max()) for each in tries)
-        scale = float(max(np.abs(dQ).max(), np.abs(plain).max()))
-        assert error <= 2e-10 * scale, f'{kind}, {which}: by {name}'
-
-
 def test_every_effect_has_examples() -> None:
-    """A new effect is differentiated above as soon as it exists."""
-    named = {kind for kind, _ in CASES}
-    assert set(effects.own()) <= named
+    """A new effect is differentiated below as soon as it exists."""
+    missing = set(effects.kinds()) - set(EXAMPLES)
+    assert not missing, f'without an example to differentiate: {", ".join(sorted(missing))}'
+
+
+@pytest.mark.parametrize(('kind', 'which'), CASES)
+def test_derivative_of_an_effect(kind: str, which: str) -> None:
+    """Of its force, along positions, velocities and its numbers: by dual numbers, as tangents
+    have it, and by the trace of the adjoint."""
+    at = At(kind, which)
+    moved = 0.0
+    along = directions(at, np.random.default_rng(7))
+    q, params = at.q, at.packed.params
+    varied = np.concatenate([np.full(2 * q.size, True), along['numbers'][2] != 0.0])
+    trace = Trace(at.written, at.t, (q, at.qd, at.near, at.packed.slots, params), varied)
+    for name, direction in along.items():
+        exact, slope = at.complex_step(*direction)
+        scale = float(max(np.abs(slope).max(), np.abs(exact).max()))
+        Q, dQ = at.slope(*direction)
+        traced = trace.slope(np.concatenate(direction))
+        plain = at.exerted(q, at.qd, params)
+        told = f'{kind}, {which}: by {name}'
+        for found, expected in ((Q, exact), (plain, exact), (trace.Q, exact)):
+            np.testing.assert_allclose(found, expected, rtol=0, atol=_EXACT * scale, err_msg=told)
+        for found in (dQ, traced):
+            np.testing.assert_allclose(found, slope, rtol=0, atol=_EXACT * scale, err_msg=told)
+        moved = max(moved, float(np.abs(slope).max()))
+    assert moved > 0.1
+
+
+def test_every_function_of_effects_is_differentiated() -> None:
+    """Below, or in `test_effect_tangents`, if it has a slope at all and no reason not to."""
+    found = {
+        name: f'{kind}.{name}'
+        for kind in effects.kinds()
+        for name, function in vars(effects.load(kind)).items()
+        if isinstance(function, (CFunc, OnDemand))
+    }
+    tested, of_branches = {'force', 'potential', 'tangent'}, {'side', 'interval'}
+    assert set(found) == tested | of_branches | set(WITHOUT_DERIVATIVE), found
+
+
+@pytest.mark.parametrize('kind', [k for k in EXAMPLES if hasattr(effects.load(k), 'potential')])
+@pytest.mark.parametrize('which', ['planar', 'spatial'])
+def test_force_is_the_slope_of_the_potential(kind: str, which: str) -> None:
+    """-∂V/∂q at rest, along any motion of the coordinates."""
+    at, rest = At(kind, which), []
+    potential = complex_step.in_complex(effects.load(kind).potential._pyfunc)
+    data = at.near.tolist(), at.packed.slots.tolist(), at.packed.params.tolist()
+    Q = at.exerted(at.q, np.zeros(at.q.size), at.packed.params)
+    for d in np.random.default_rng(1).normal(size=(5, at.q.size)):
+        energy = potential(at.t, complex_step.along(at.q, d), *data)
+        size = float(np.abs(Q) @ np.abs(d))
+        assert -complex_step.slope(energy) == pytest.approx(Q @ d, rel=0, abs=_EXACT * size)
+        rest.append(size)
+    assert min(rest) > 0.1
 
 
 def test_a_trace_has_the_slopes_of_dual_numbers() -> None:
@@ -104,34 +183,19 @@ def test_a_trace_has_the_slopes_of_dual_numbers() -> None:
 
     q, qd = np.array([0.0, 1.5, 0.7, 0.0]), np.array([-0.3, 0.4, 0.0, 0.0])
     params = np.array([1.2, 2.0])
-    leaves, room = 10, 50
-    numbers = np.arange(leaves)
-    numbers[9] = -1  # params[1]
-    words, slopes = np.zeros(3 + 2 * room, dtype=np.int64), np.zeros(2 * room)
-    words[1:3] = room, leaves
-    none, Q, along = np.zeros(1, dtype=np.int64), np.zeros(4), np.zeros(4)
-    made = np.full(4, -1)
-    types = (None, _NUMBER, *(13 * [_POINTER]))
-    of_state = (q, qd, none, none, params, numbers, numbers[4:], numbers[8:])
-    given = (*of_state, Q, made, along, words, slopes)
-    address = traced_force(force).address
-    ctypes.CFUNCTYPE(*types)(address)(0.5, *(each.ctypes.data for each in given))
-    assert 0 < words[0] < 14  # operations on one number are not written down
-    for direction in np.eye(leaves)[:9]:
-        moves = np.concatenate([direction, np.zeros(room)])
-        for k in range(words[0]):
-            for m in range(2):
-                number = words[3 + 2 * k + m]
-                if number >= 0 and moves[number] != 0.0:
-                    moves[leaves + k] += slopes[2 * k + m] * moves[number]
-        found = np.where(made >= 0, along * moves[made], 0.0)
+    none = np.zeros(1, dtype=np.int64)
+    varied = np.arange(10) < 9  # all but params[1]
+    trace = Trace(force, 0.5, (q, qd, none, none, params), varied)
+    assert 0 < trace.words[0] < 14  # operations on one number are not written down
+    for direction in np.eye(10)[:9]:
+        found = trace.slope(direction)
         dQ, beside = np.zeros(4), np.zeros(4)
         parts = (direction[:4].copy(), direction[4:8].copy(), direction[8:].copy())
         alike = (q, parts[0], qd, parts[1], none, none, params, parts[2], beside, dQ)
         duals = ctypes.CFUNCTYPE(None, _NUMBER, *(10 * [_POINTER]))(dual_force(force).address)
         duals(0.5, *(each.ctypes.data for each in alike))
         np.testing.assert_allclose(found, dQ, rtol=1e-14, atol=1e-15)
-        np.testing.assert_array_equal(Q, beside)
+        np.testing.assert_array_equal(trace.Q, beside)
         assert dQ[3] == direction[5] * q[1] + direction[1] * qd[1] - direction[2]
 
 

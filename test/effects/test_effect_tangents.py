@@ -1,9 +1,8 @@
-"""How effects yield, as an implicit method asks: against differences of what they exert."""
+"""How effects yield, as an implicit method asks: against the complex step of what they exert."""
 
 from __future__ import annotations
 
 import ctypes
-import importlib
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,13 @@ import pytest
 
 from alf_ros import effects
 from alf_ros.arrays import Floats
-from support.effect_examples import CASES, EXAMPLES, as_python, simulation
+from support.complex_step import along, in_complex, slope, slopes, value, values
+from support.effect_examples import CASES, EXAMPLES, simulation
 
 YIELDING = [kind for kind in EXAMPLES if hasattr(effects.load(kind), 'tangent')]
 SHOWN = [(kind, which) for kind, which in CASES if kind in YIELDING]
-H = 1e-6
+EXACT = 1e-12  # relative, or beside forces of 1 N
+Numbers = list[Any]
 
 
 class Alone:
@@ -31,29 +32,29 @@ class Alone:
         loads = sample.friction_loads if which.endswith('loaded') else np.zeros(9)
         self.loads = loads[n:].copy()
 
-    def exerted(self, q: Floats, qd: Floats) -> Floats:
-        Q = np.zeros(q.size)
-        data = (self.packed.slots, self.packed.params, Q)
-        self.module.force.__wrapped__(self.t, q, qd, self.near, *data)
+        self.data = self.packed.slots.tolist(), self.packed.params.tolist()
+
+    def exerted(self, q: Numbers, qd: Numbers) -> list[Any]:
+        Q: list[Any] = len(q) * [0.0]
+        near, loads = self.near.tolist(), self.loads.tolist()
+        in_complex(self.module.force.__wrapped__)(self.t, q, qd, near, *self.data, Q)
         if hasattr(self.module, 'friction'):
-            self.module.friction.__wrapped__(self.t, q, qd, self.near, self.loads, *data)
+            friction = in_complex(self.module.friction.__wrapped__)
+            friction(self.t, q, qd, near, loads, *self.data, Q)
         return Q
 
-    def yields(self, n: int, q: Floats | None = None) -> tuple[float, float, Floats]:
+    def yields(self, n: int) -> tuple[float, float, Floats]:
         """k, c and G of direction n, as it is written."""
-        stiff, G = np.zeros(2), np.zeros(self.q.size)
-        data = (self.packed.slots, self.packed.params, n, stiff, G)
-        at = self.q if q is None else q
-        self.module.tangent.function(self.t, at, self.qd, self.near, self.loads, *data)
-        return stiff[0], stiff[1], G
+        k, c, G = self.yields_at(self.q.tolist(), n)
+        return value(k), value(c), values(G)
 
-
-def written(monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
-    shared = [
-        importlib.import_module(f'alf_ros.effects.contract.{name}')
-        for name in ('scalars', 'gap_vectors', 'piecewise', 'affine_force')
-    ]
-    as_python(monkeypatch, effects.load(kind), *shared)
+    def yields_at(self, q: Numbers, n: int) -> tuple[Any, Any, list[Any]]:
+        """The same at other positions, which may be complex."""
+        stiff: list[Any] = [0.0, 0.0]
+        G: list[Any] = len(q) * [0.0]
+        given = self.qd.tolist(), self.near.tolist(), self.loads.tolist()
+        in_complex(self.module.tangent.function)(self.t, q, *given, *self.data, n, stiff, G)
+        return (*stiff, G)
 
 
 def instances(kind: str, which: str) -> int:
@@ -67,14 +68,11 @@ def test_what_is_stiff_says_so() -> None:
 
 
 @pytest.mark.parametrize(('kind', 'which'), SHOWN)
-def test_compiled_is_what_is_written(
-    kind: str, which: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_compiled_is_what_is_written(kind: str, which: str) -> None:
     pointer, number = ctypes.c_void_p, ctypes.c_double
     call = ctypes.CFUNCTYPE(None, number, *(6 * [pointer]), ctypes.c_int64, pointer, pointer)(
         effects.load(kind).tangent.address
     )
-    written(monkeypatch, kind)
     for instance in range(instances(kind, which)):
         alone = Alone(kind, which, instance)
         assert alone.packed.directions
@@ -97,52 +95,41 @@ def test_compiled_is_what_is_written(
 
 
 @pytest.mark.parametrize(('kind', 'which'), SHOWN)
-def test_c_is_the_difference_of_what_it_exerts(
-    kind: str, which: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_c_is_the_slope_of_what_it_exerts(kind: str, which: str) -> None:
     """Σ c g gᵀ = -∂Q/∂q̇, along each of its directions."""
-    written(monkeypatch, kind)
     largest = 0.0
     for instance in range(instances(kind, which)):
         alone = Alone(kind, which, instance)
         directions = [alone.yields(n) for n in range(len(alone.packed.directions))]
         for _, _, d in directions:
-            ahead, behind = (alone.exerted(alone.q, alone.qd + s * d) for s in (H, -H))
-            found = (behind - ahead) @ d / (2.0 * H)
+            found = -slopes(alone.exerted(alone.q.tolist(), along(alone.qd, d))) @ d
             wanted = float(sum(c * (G @ d) ** 2 for _, c, G in directions))
-            assert found == pytest.approx(wanted, rel=1e-5, abs=1e-6)
+            assert found == pytest.approx(wanted, rel=EXACT, abs=EXACT)
             largest = max(largest, abs(wanted))
     if kind != 'spring':
         assert largest > 1e-3
 
 
 @pytest.mark.parametrize(('kind', 'which'), [s for s in SHOWN if s[0] not in ('spring', 'drag')])
-def test_k_is_the_difference_of_what_it_exerts(
-    kind: str, which: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_k_is_the_slope_of_what_it_exerts(kind: str, which: str) -> None:
     """-ΔF = k Δx + c Δẋ, F the effort on the scalar x of its first direction."""
-    written(monkeypatch, kind)
     for instance in range(instances(kind, which)):
         alone = Alone(kind, which, instance)
         k, c, G = alone.yields(0)
         if not G.any():
             continue  # out of touch
         d = G / (G @ G)
-        change, rate = 0.0, 0.0
-        for s in (H, -H):
-            q = alone.q + s * d
-            g = alone.yields(0, q)[2]
-            change += np.sign(s) * alone.exerted(q, alone.qd) @ g / (g @ g)
-            rate += np.sign(s) * g @ alone.qd
-        assert -change == pytest.approx(2.0 * H * k + c * rate, rel=1e-5, abs=1e-9)
+        q = along(alone.q, d)
+        g, forces = alone.yields_at(q, 0)[2], alone.exerted(q, alone.qd.tolist())
+        square = sum(x * x for x in g)
+        change = slope(sum(x * y for x, y in zip(forces, g, strict=True)) / square)
+        rate = slopes(g) @ alone.qd
+        assert -change == pytest.approx(k + c * rate, rel=EXACT, abs=EXACT)
 
 
 @pytest.mark.parametrize('which', ['planar', 'spatial'])
-def test_a_spring_in_tension_is_stiff_in_all_directions(
-    which: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_spring_in_tension_is_stiff_in_all_directions(which: str) -> None:
     """Σ k g gᵀ = -∂Q/∂q; under pressure what pushes it aside is left out."""
-    written(monkeypatch, 'spring')
     tensions = 0
     for instance in range(instances('spring', which)):
         alone = Alone('spring', which, instance)
@@ -152,23 +139,20 @@ def test_a_spring_in_tension_is_stiff_in_all_directions(
         tensions += int(tension)
         if not tension:
             d = directions[0][2]
-        ahead, behind = (alone.exerted(alone.q + s * d, alone.qd) for s in (H, -H))
+        found = -slopes(alone.exerted(along(alone.q, d), alone.qd.tolist()))
         wanted = sum(k * (G @ d) * G for k, _, G in directions)
-        assert (behind - ahead) / (2.0 * H) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
+        assert found == pytest.approx(wanted, rel=EXACT, abs=EXACT)
     assert 0 < tensions < instances('spring', which)  # both are shown
 
 
 @pytest.mark.parametrize('which', ['planar', 'spatial'])
-def test_a_path_in_tension_is_stiff_in_all_directions(
-    which: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_path_in_tension_is_stiff_in_all_directions(which: str) -> None:
     """Σ k g gᵀ = -∂Q/∂q at rest, over places and pulleys."""
-    written(monkeypatch, 'tendon')
     alone = Alone('tendon', which, 1)
     alone.qd = np.zeros_like(alone.qd)
     directions = [alone.yields(n) for n in range(len(alone.packed.directions))]
     assert min(k for k, _, _ in directions) > 0.1
     d: Any = np.random.default_rng(3).normal(size=alone.q.size)
-    ahead, behind = (alone.exerted(alone.q + s * d, alone.qd) for s in (H, -H))
+    found = -slopes(alone.exerted(along(alone.q, d), alone.qd.tolist()))
     wanted = sum(k * (G @ d) * G for k, _, G in directions)
-    assert (behind - ahead) / (2.0 * H) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
+    assert found == pytest.approx(wanted, rel=EXACT, abs=EXACT)
