@@ -22,6 +22,7 @@ from support import complex_step
 from support.effect_examples import CASES, EXAMPLES, simulation
 
 _EXACT = 2e-14  # of the largest force or slope: a hundred roundings
+_DISPLACED = 1e-12  # likewise: a stop that is hardly touched has a depth of few digits
 # functions that have no derivative, and why
 WITHOUT_DERIVATIVE = {
     'friction': 'it depends on the reactions, which it changes: tangents of a run refuse it',
@@ -42,6 +43,13 @@ class At:
         self._force = ctypes.CFUNCTYPE(None, _NUMBER, *(6 * [_POINTER]))(module.force.address)
         compiled = dual_force(self.written)
         self._dual = ctypes.CFUNCTYPE(None, _NUMBER, *(10 * [_POINTER]))(compiled.address)
+
+    @property
+    def are_numbers(self) -> Any:
+        """(params,) Limits of infinity and counts of arms, tables and roles are no numbers to be
+        changed."""
+        params = self.packed.params
+        return np.isfinite(params) & (params != np.round(params))
 
     def exerted(self, q: Floats, qd: Floats, params: Floats) -> Floats:
         Q = np.zeros(q.size)
@@ -102,8 +110,7 @@ class Trace:
 def directions(at: At, rng: np.random.Generator) -> dict[str, tuple[Floats, Floats, Floats]]:
     """Along positions, along velocities, along the numbers of the effect; and along all."""
     n, params = at.q.size, at.packed.params
-    # limits of infinity and counts of arms, tables and roles are no numbers to be changed
-    numbers = np.where(np.isfinite(params) & (params != np.round(params)), params, 0.0)
+    numbers = np.where(at.are_numbers, params, 0.0)
     q, qd, p = rng.normal(size=n), rng.normal(size=n), rng.normal(size=params.size) * numbers
     zero, none = np.zeros(n), np.zeros(params.size)
     found = {'q': (q, zero, none), 'qd': (zero, qd, none), 'all': (q, qd, none)}
@@ -120,25 +127,31 @@ def test_every_effect_has_examples() -> None:
 def test_derivative_of_an_effect(kind: str, which: str) -> None:
     """Of its force, along positions, velocities and its numbers: by dual numbers, as tangents
     have it, and by the trace of the adjoint."""
-    at = At(kind, which)
+    at, rng = At(kind, which), np.random.default_rng(7)
+    q, qd = at.q, at.qd
     moved = 0.0
-    along = directions(at, np.random.default_rng(7))
-    q, params = at.q, at.packed.params
-    varied = np.concatenate([np.full(2 * q.size, True), along['numbers'][2] != 0.0])
-    trace = Trace(at.written, at.t, (q, at.qd, at.near, at.packed.slots, params), varied)
-    for name, direction in along.items():
-        exact, slope = at.complex_step(*direction)
-        scale = float(max(np.abs(slope).max(), np.abs(exact).max()))
-        Q, dQ = at.slope(*direction)
-        traced = trace.slope(np.concatenate(direction))
-        plain = at.exerted(q, at.qd, params)
-        told = f'{kind}, {which}: by {name}'
-        for found, expected in ((Q, exact), (plain, exact), (trace.Q, exact)):
-            np.testing.assert_allclose(found, expected, rtol=0, atol=_EXACT * scale, err_msg=told)
-        for found in (dQ, traced):
-            np.testing.assert_allclose(found, slope, rtol=0, atol=_EXACT * scale, err_msg=told)
-        moved = max(moved, float(np.abs(slope).max()))
+    for size in (0.0, *10 * [0.03], *10 * [0.3], *20 * [3.0]):  # on several branches of its law
+        at.q, at.qd = (x + size * rng.normal(size=x.size) for x in (q, qd))
+        for name, along in directions(at, rng).items():
+            most = _DISPLACED if size else _EXACT
+            largest = assert_exact(at, along, most, f'{kind}, {which}, {size}: by {name}')
+            moved = max(moved, largest)
     assert moved > 0.1
+
+
+def assert_exact(at: At, along: tuple[Floats, Floats, Floats], most: float, told: str) -> float:
+    """Compare all derivatives along a direction with the complex step. The largest derivative."""
+    exact, slope = at.complex_step(*along)
+    atol = most * float(max(np.abs(slope).max(), np.abs(exact).max()))
+    Q, dQ = at.slope(*along)
+    data = (at.q, at.qd, at.near, at.packed.slots, at.packed.params)
+    varied = np.concatenate([np.full(2 * at.q.size, True), at.are_numbers])
+    trace = Trace(at.written, at.t, data, varied)
+    for found in (Q, at.exerted(at.q, at.qd, at.packed.params), trace.Q):
+        np.testing.assert_allclose(found, exact, rtol=0, atol=atol, err_msg=told)
+    for found in (dQ, trace.slope(np.concatenate(along))):
+        np.testing.assert_allclose(found, slope, rtol=0, atol=atol, err_msg=told)
+    return float(np.abs(slope).max())
 
 
 def test_every_function_of_effects_is_differentiated() -> None:

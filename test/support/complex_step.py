@@ -196,4 +196,4 @@ def _names(code: CodeType) -> set[str]:
     return set(code.co_names).union(*map(_names, inner))
 
 
-in_complex = Rebound(IN_COMPLEX, ('alf_ros.effects.', 'alf_ros.kernel.'))
+in_complex = Rebound(IN_COMPLEX, ('alf_ros.effects.', 'alf_ros.kernel.', 'alf_ros.model.'))
