@@ -10,6 +10,7 @@ from alf_ros.commands.parser import add_trust, of_log, writing
 from alf_ros.errors import StepError
 from alf_ros.logs import load
 from alf_ros.scene import overrides
+from alf_ros.simulation.input_slopes import is_input
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -50,8 +51,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     scene, width = log.scene(options.trust), max(map(len, options.by))
     print(f'{"by":{width}}  {"its value":>14}  {"derivative":>16}  {"for 1 % more":>14}')
     for name, slope in found.by.items():
+        derivative = slope + 0.0  # without negative zeros
+        if is_input(name, scene):  # added to what was held, which may have changed on the way
+            print(f'{name:{width}}  {"added":>14}  {derivative:16.9g}  {"":14}'.rstrip())
+            continue
         value = overrides.number(scene, name)
-        derivative, for_more = slope + 0.0, 0.01 * value * slope + 0.0  # without negative zeros
+        for_more = 0.01 * value * slope + 0.0
         print(f'{name:{width}}  {value:14.6g}  {derivative:16.9g}  {for_more:14.3g}')
     if log.cut:  # of a shorter run than the one that was made, maybe
         print(log.cut)

@@ -23,12 +23,12 @@ from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.full_names import full_name
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.quantities import (
     ONE_OF_MANY,
     Group,
     Quantity,
-    full_name,
     groups,
     may_be_open,
     open_components,

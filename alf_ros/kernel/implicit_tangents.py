@@ -194,7 +194,7 @@ def _pass(
         _move(tangents, k, t, gamma, dk)
         good = project_position(tangents, problem, at, k, slow_modes)
         good = project_velocity(tangents, problem, at, k, slow_modes) and good
-        change_forces(tangents, problem, at, k, t)
+        change_forces(tangents, at, k, t)
         add_soft_times(problem.unit, problem.system.soft, 1.0, dk, tangents.f)
         good = accelerate_tangents(tangents, problem, at, k, slow_modes) and good
         good = good or slow_modes == FINISH

@@ -302,11 +302,10 @@ def _add_rows(problem: Problem, at: FollowedStage) -> None:
 
 
 @inner
-def change_forces(
-    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64, t: float
-) -> None:
-    """δQ of group k into `f`, for δq and δq̇, at q, q̇ of the stage."""
-    work, effects = at.work, problem.forces.effects
+def change_forces(tangents: Tangents, at: FollowedStage, k: np.uint64, t: float) -> None:
+    """δQ of group k into `f`, for δq and δq̇, at q, q̇ of the stage. The forces of the tangents
+    have places for inputs that the run does not hold."""
+    work, effects = at.work, tangents.problem.forces.effects
     zero(tangents.f)
     zero(tangents.Q)
     for e in range(effects.force.size):

@@ -157,7 +157,7 @@ def differentiate(
     `tangent_lane_solve.solved_together`."""
     begin_stage(tangents, problem, at)
     for k in range(tangents.groups):
-        change_forces(tangents, problem, at, k, t)
+        change_forces(tangents, at, k, t)
         accelerate_tangents(tangents, problem, at, k, slow_modes)
 
 
@@ -206,7 +206,7 @@ def _differentiate_places(tangents: Tangents, t: float) -> int:
     copy(tangents.whole_q, tangents.q)
     copy(tangents.whole_qd, tangents.qd)
     for k in range(tangents.groups):
-        change_forces(tangents, problem, at, k, t)
+        change_forces(tangents, at, k, t)
         copy(tangents.f, group_of(tangents, tangents.pushed, k))
     for p in range(places):
         if evaluate_place(problem, t, p) <= 0:

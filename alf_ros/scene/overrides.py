@@ -236,6 +236,9 @@ def _refuse_input(root: Entry, name: str, said: str) -> None:
         number = 'push.force.0'
     elif name.endswith('.effort') and (first == 'joints' or name[:-7] in joints):
         joint = rest[:-7] if first == 'joints' else name[:-7]
+        if said == 'tangents':
+            expected = f'the input joints.{joint}.effort'
+            raise InputError('nothing of this name', key=said, value=name, expected=expected)
         effect, number = f'joint_effort: {{push: {{joint: {joint}, effort: 0}}}}', 'push.effort'
     else:
         return

@@ -79,7 +79,7 @@ class AdjointFollowing:
         self._record = self._empty_record()
         self._adjoint: Adjoint | None = None
         self._made_for: tuple[Applied, StepRecord, int] | None = None
-        self._forces(stepper.applied)
+        self._forces(self._placed(stepper.applied))
 
     @property
     def bytes_of_step(self) -> int:
@@ -120,8 +120,18 @@ class AdjointFollowing:
                 getattr(self._adjoint, name)[:] = 0.0
             self._adjoint.columns.own[:] = 0.0
             return
-        self._adjoint = self._made(self._stepper.problem_aside(present), present.applied)
+        self._adjoint = self._made(*self._with_places(present))
         self._made_for = made
+
+    def _placed(self, applied: Applied) -> Applied:
+        """The same forces, with a place for each input that is a parameter."""
+        return applied if self._products is None else self._products.places.applied(applied)
+
+    def _with_places(self, present: Present) -> tuple[Problem, Applied]:
+        problem, applied = self._stepper.problem_aside(present), self._placed(present.applied)
+        if applied is not present.applied:
+            problem = replace(problem, forces=applied.assembled)
+        return problem, applied
 
     def ends(self) -> Floats:
         """(steps,) s: the ends of the steps that are written down."""

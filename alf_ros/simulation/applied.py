@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -92,13 +92,17 @@ class _Held:
         self._effect = effect
         self._kinds: list[tuple[Layout, list[PackedKind]]] = []
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Without the addresses of compiled code, which belong to this process."""
+        return _Held, (self.what, self._effect)
+
     def kinds(self, layout: Layout) -> list[PackedKind]:
         return once(self._kinds, (self._effect,), layout)
 
 
-class _SteadyEffort:
-    """A steady effort: the data of 1 N m, or 1 N, times the effort. So an effort that changes
-    often is packed once."""
+class _Multiple:
+    """The data of 1 times a number: of a steady effort, which is packed once however often it
+    changes, or of a place."""
 
     def __init__(self, what: float, one: _Held) -> None:
         self.what, self.one = what, one
@@ -111,6 +115,17 @@ def _times(effort: float, kind: PackedKind) -> PackedKind:
     with np.errstate(over='ignore'):  # a step with it fails, and says so
         params = effort * kind.packed.params
     return replace(kind, packed=replace(kind.packed, params=params))
+
+
+Held: TypeAlias = _Held | _Multiple
+
+
+class InputPlace(NamedTuple):
+    """A place among the forces, without a force: data of an input that is zero. slope: of the data
+    by the input, in the layout of the run."""
+
+    held: Held
+    slope: Floats
 
 
 class _Scene:
@@ -220,9 +235,10 @@ class Applied:
         weights: Floats | None = None,
         asked: AskedFunctions = NOTHING,
         before: Applied | None = None,
+        places: Sequence[InputPlace] = (),
     ) -> None:
         """`before`, of the same effects: what it packed and still holds is used again. `weights`
-        (stages,) of the method: a ledger is kept.
+        (stages,) of the method: a ledger is kept. places: behind all that is held.
 
         Raises InputError if an effect does not fit the mechanism.
         """
@@ -240,24 +256,24 @@ class Applied:
         known = before._held if before is not None else {}
         wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
         efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
-        self._held: dict[tuple[str, str], _Held | _SteadyEffort] = {}
-        self._known: tuple[Forces, Mapping[tuple[str, str], _Held | _SteadyEffort]] | None = None
+        self._held: dict[tuple[str, str], Held] = {}
+        self._known: tuple[Forces, Mapping[tuple[str, str], Held]] | None = None
         if before is not None and before._scene is self._scene:
             assembled = vars(before).get('assembled')
             self._known = before._known if assembled is None else (assembled, before._held)
         for key, what in {**wanted, **efforts}.items():
             self._held[key] = _held(model, key[1], what, known.get(key))
+        self._held.update((('place', str(n)), each.held) for n, each in enumerate(places))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """State without the addresses of compiled code, which belong to this process."""
         given = self._given, self.inputs, self._reactions, self._weights, self._asked
         return Applied, (self._model, *given)
 
-    def holding(self, inputs: Inputs) -> Applied:
+    def holding(self, inputs: Inputs, places: Sequence[InputPlace] = ()) -> Applied:
         """The same effects with other inputs."""
-        return Applied(
-            self._model, self._given, inputs, self._reactions, self._weights, self._asked, self
-        )
+        given = self._reactions, self._weights, self._asked
+        return Applied(self._model, self._given, inputs, *given, self, places)
 
     @property
     def directions(self) -> list[Direction]:
@@ -296,7 +312,7 @@ class Applied:
         for n, (was, now) in enumerate(zip(held.values(), self._held.values(), strict=True)):
             if now is was:
                 continue
-            if not isinstance(now, _SteadyEffort) or not isinstance(was, _SteadyEffort):
+            if not isinstance(now, _Multiple) or not isinstance(was, _Multiple):
                 return None
             (kind,), at = now.kinds(layout), int(effects.params_at[first + n])
             params[at : at + kind.packed.params.size] = kind.packed.params
@@ -384,8 +400,8 @@ def _held(
     model: Model,
     name: str,
     what: Wrench | float | Curve,
-    before: _Held | _SteadyEffort | None = None,
-) -> _Held | _SteadyEffort:
+    before: Held | None = None,
+) -> Held:
     """The held command on a body, point or joint, as an effect; `before`: the command there
     until now."""
     if before is not None and before.what == what:
@@ -396,8 +412,28 @@ def _held(
     role = EFFORT_OVER_TIME if isinstance(what, Curve) else _steady(coordinate)
     if role != EFFORT or isinstance(what, Curve):
         return _Held(what, registry.held(role, name, what))
-    one = before.one if isinstance(before, _SteadyEffort) else None
-    return _SteadyEffort(what, one or _Held(1.0, registry.held(EFFORT, name, 1.0)))
+    one = before.one if isinstance(before, _Multiple) else None
+    return _Multiple(what, one or _Held(1.0, registry.held(EFFORT, name, 1.0)))
+
+
+def place_of(model: Model, one: Inputs) -> InputPlace:
+    """The place of an input; one: a single wrench or effort, which is 1."""
+    name, what = next(item for of in (one.wrenches, one.efforts) for item in of.items())
+    held = _held(model, name, what)
+    slope, layout = _data(held, model.layout), model.layout
+    if isinstance(held, _Multiple):
+        return InputPlace(_Multiple(0.0, held.one), slope)
+    if isinstance(what, Wrench):
+        return InputPlace(_Multiple(0.0, held), slope)
+    none = _held(model, name, 0.0)
+    assert isinstance(none, _Held)
+    data = _data(none, layout)
+    with np.errstate(invalid='ignore'):  # no limit is an infinite one
+        return InputPlace(none, np.where(slope == data, 0.0, slope - data))
+
+
+def _data(held: Held, layout: Layout) -> Floats:
+    return np.concatenate([kind.packed.params for kind in held.kinds(layout)])
 
 
 def one_by_one(model: Model, each: Sequence[Inputs]) -> Effects:

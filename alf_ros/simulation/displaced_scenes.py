@@ -18,6 +18,7 @@ from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.scene.scene import Scene, Solver
+from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.differences import OFFSETS
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.state import State
@@ -128,6 +129,28 @@ class DisplacedScene:
             return simulation._sample(t, own, False)
 
 
+class PushedScene(DisplacedScene):
+    """A scene as it is, pushed by more than the inputs held."""
+
+    def __init__(self, scene: DisplacedScene, pushed: Callable[[Inputs], Inputs]) -> None:
+        self._base, self._pushed = scene, pushed
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self)
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        self.__dict__.update(saved)
+
+    @property
+    def model(self) -> Model:
+        """Its equations."""
+        return self._base.model
+
+    def sample(self, t: float, state: State, dq: Floats, dqd: Floats) -> Sample:
+        """As of any displaced scene."""
+        return self._base.sample(t, replace(state, inputs=self._pushed(state.inputs)), dq, dqd)
+
+
 class Displaced(NamedTuple):
     """The eight scenes around a number, at `OFFSETS` steps from its value."""
 
@@ -144,11 +167,11 @@ class DisplacedScenes:
         names: Sequence[str],
         values: Floats,
         steps: Floats,
-        changed: Callable[[int, float], Scene],
+        changed: Callable[[int, float], Scene | Callable[[Inputs], Inputs]],
         middle: Middle,
     ) -> None:
         """values, steps (P,): of the numbers, and of the differences at first. changed: the scene
-        with another value of number k."""
+        with another value of number k, or what adds the value to the inputs held."""
         self.names, self._values, self._steps = tuple(names), values, steps
         self._changed, self._middle = changed, middle
         self._found: dict[tuple[int, int], Displaced] = {}
@@ -173,7 +196,9 @@ class DisplacedScenes:
 
     def along(self, state: State, dq: Floats, dqd: Floats) -> Displaced:
         """The scene itself, for a state that is moved along dq and dqd (blocks D)."""
-        return Displaced('the state', self._longest(state, dq, dqd), [self._still] * len(OFFSETS))
+        step = self._longest(state, dq, dqd)
+        step = step if math.isfinite(step) else 1.0  # nothing moves
+        return Displaced('the state', step, [self._still] * len(OFFSETS))
 
     def _longest(self, state: State, dq: Floats, dqd: Floats) -> float:
         """The step with which dq and dqd move a state as far as they may."""
@@ -181,6 +206,12 @@ class DisplacedScenes:
         speed = max(float(np.abs(state.qd).max(initial=0.0)), math.sqrt(_FALL * size))
         far = max(float(np.abs(dq).max()) / size, float(np.abs(dqd).max()) / speed)
         return _MOVED / (max(OFFSETS) * far) if far > 0.0 else math.inf
+
+    def _scene(self, k: int, value: float) -> DisplacedScene:
+        changed = self._changed(k, value)
+        if isinstance(changed, Scene):
+            return DisplacedScene(changed, self._middle)
+        return PushedScene(self._still, changed)
 
     @property
     def all(self) -> list[Displaced]:
@@ -191,8 +222,7 @@ class DisplacedScenes:
         form, value = _form(self._middle.model), self._values[k]
         for _ in range(_MOST):
             try:
-                scenes = [self._changed(k, float(value + offset * step)) for offset in OFFSETS]
-                found = [DisplacedScene(scene, self._middle) for scene in scenes]
+                found = [self._scene(k, float(value + offset * step)) for offset in OFFSETS]
                 if all(_same(_form(each.model), form) for each in found):
                     return Displaced(self.names[k], step, found)
                 reason = 'the equations have another form beside it'

@@ -12,7 +12,8 @@ from alf_ros.kernel.lanes.observing import JOINT, JOINT_RATE, Observing, observe
 from alf_ros.model.member_energies import MemberEnergies, observe_energies
 from alf_ros.model.member_rows import LENGTHS, Geometry, MemberRows
 from alf_ros.model.member_structs import MemberStructs
-from alf_ros.simulation.quantities import Group, Quantity, full_name, groups
+from alf_ros.simulation.full_names import full_name
+from alf_ros.simulation.quantities import Group, Quantity, groups
 from alf_ros.simulation.simulation import Simulation
 
 _ENERGIES = 'energy', 'kinetic_energy'

@@ -11,7 +11,8 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation.differences import OFFSETS, slope
 from alf_ros.simulation.displaced_scenes import Displaced
-from alf_ros.simulation.quantities import Group, full_name, groups, open_components
+from alf_ros.simulation.full_names import full_name
+from alf_ros.simulation.quantities import Group, groups, open_components
 from alf_ros.simulation.sample import Sample
 
 _WITHOUT = ('works.', 'diagnostics.')  # kinds of quantities without a derivative

@@ -5,8 +5,7 @@ Quantities of one kind form a group, which is read from a sample as one array.
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
 from alf_ros.model.constraints.drives import motion_names
 from alf_ros.simulation.sample import Sample
 
@@ -174,28 +172,3 @@ def _motions(k: int, which: list[int]) -> Callable[[Sample], Floats]:
 
 def _diagnostic(what: str) -> Callable[[Sample], Floats]:
     return lambda sample: np.array([getattr(sample.diagnostics, what)])
-
-
-def full_name(name: object, known: Sequence[str], key: str) -> str:
-    """The quantity that a name means: the whole name, or an end of it that no other one has.
-
-    'knee.force' is 'reactions.knee.force'. Raises InputError, which says `key`, for an end that
-    several names have and for one that none has, with the nearest name.
-    """
-    if isinstance(name, str):
-        if name in known:
-            return name
-        ends = [each for each in known if each.endswith(f'.{name}')]
-        if len(ends) == 1:
-            return ends[0]
-        if ends:
-            raise InputError(
-                'more than one quantity ends so', key=key, value=name, expected=' or '.join(ends)
-            )
-    short = [each.partition('.')[2] for each in known]
-    near = difflib.get_close_matches(str(name), dict.fromkeys((*short, *known)), 1, 0.5)
-    if near and near[0] not in known and short.count(near[0]) > 1:
-        ends = [each for each in known if each.partition('.')[2] == near[0]]
-        raise InputError('no such quantity', key=key, value=name, expected=' or '.join(ends))
-    choices = [each for each in short if each and short.count(each) == 1]
-    raise InputError('no such quantity', key=key, value=name, choices=[*choices, *known])

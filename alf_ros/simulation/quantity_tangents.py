@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -11,12 +11,15 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.displaced_scenes import DisplacedScenes, Middle
+from alf_ros.simulation.input_slopes import InputSlopes, Slopes
+from alf_ros.simulation.named_inputs import NamedInput
 from alf_ros.simulation.named_quantity import named_quantity, slope_along
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.parameter_slopes import LONGEST
 from alf_ros.simulation.sample import Sample
-from alf_ros.simulation.state_direction import is_direction
+from alf_ros.simulation.state_direction import StateDirection
 from alf_ros.simulation.tangent_following import TangentFollowing
 
 
@@ -26,7 +29,8 @@ class QuantityTangents:
     def __init__(self, following: TangentFollowing, middle: Middle) -> None:
         values = np.array([each.value for each in following.slopes])
         steps = LONGEST * np.where(values == 0.0, 1.0, np.abs(values))
-        changed = partial(_changed, following.names, middle.scene)
+        changed = partial(_changed, tuple(following.slopes), middle.scene)
+        self._places = following.places
         self.displaced = DisplacedScenes(following.names, values, steps, changed, middle)
 
     def of(self, sample: Sample, k: int, name: str) -> float | Floats:
@@ -36,13 +40,26 @@ class QuantityTangents:
         found = named_quantity(name, 'quantity', sample).checked('quantity')
         found.check_unique(sample)
         dq, dqd = sample.state.tangents.reshape(-1, 2, sample.state.q.size)[k]
-        around = self.displaced.moving(k, sample.state, dq, dqd)
+        # the step that ended there, or the first one
+        acts = self._places.acting(max(0, sample.state.step - 1))[k]
+        beside = partial(self.displaced.moving, k) if acts else self.displaced.along
+        around = beside(sample.state, dq, dqd)
         slope = slope_along(found.read, found.turns, sample, around, dq, dqd, found.name)
         return read_only(slope) if found.is_vector else float(slope[0])
 
 
-def _changed(names: Sequence[str], scene: Scene, k: int, value: float) -> Scene:
-    """The scene with another value of number k; a direction of the state leaves it as it is."""
-    if is_direction(names[k]):
+def _pushed(by: NamedInput, value: float, inputs: Inputs) -> Inputs:
+    return by.added(inputs, value)
+
+
+def _changed(
+    slopes: Sequence[Slopes], scene: Scene, k: int, value: float
+) -> Scene | Callable[[Inputs], Inputs]:
+    """The scene with another value of number k, or what adds the value to the inputs held; a
+    direction of the state leaves the scene as it is."""
+    of = slopes[k]
+    if isinstance(of, InputSlopes):
+        return partial(_pushed, of.input, value)
+    if isinstance(of, StateDirection):
         return scene
-    return overrides.with_changes(scene, {names[k]: repr(value)})
+    return overrides.with_changes(scene, {of.name: repr(value)})

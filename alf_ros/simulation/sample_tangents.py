@@ -11,11 +11,11 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel import Rows
 from alf_ros.model.compile import Model
+from alf_ros.simulation.input_slopes import Slopes
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.kept import Keeper, kept
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.state import State
-from alf_ros.simulation.tangent_following import Slopes
 
 
 @dataclass(frozen=True)

@@ -58,10 +58,11 @@ class Simulation:
     stage more a step. With `ledger` the work of each effect is integrated (`Sample.works`), for
     about the cost of the effects. Where redundant lengths contradict each other by a little they
     are adjusted; the attribute `adjustment` says how. With `tangents`, names of numbers of the
-    scene, derivatives follow the steps (`Sample.tangents`). `like` is a simulation of the scene
-    with other numbers: where its slopes serve again, fewer scenes are read. Raises InputError for
-    a value that cannot be used, AssemblyError if the mechanism cannot be closed, redundant lengths
-    contradict each other by more, or the initial velocities contradict each other.
+    scene or of inputs, derivatives follow the steps (`Sample.tangents`). `like` is a
+    simulation of the scene with other numbers: where its slopes serve again, fewer scenes are
+    read. Raises InputError for a value that cannot be used, AssemblyError if the mechanism
+    cannot be closed, redundant lengths contradict each other by more, or the initial
+    velocities contradict each other.
 
     A call that raises InputError has changed nothing. A step that fails or is interrupted leaves
     the state of the last whole step, with its time. A copy, by `copy` or `pickle`, continues from

@@ -11,7 +11,8 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.model.compile import Model
 from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.effect_slopes import EffectSlopes
-from alf_ros.simulation.tangent_following import Slopes
+from alf_ros.simulation.input_places import InputPlaces
+from alf_ros.simulation.input_slopes import Slopes
 
 
 def _matrix(rows: Sequence[Floats]) -> csr_array:
@@ -26,7 +27,8 @@ class SlopeProducts:
     """
 
     def __init__(self, model: Model, slopes: Sequence[Slopes], names: Sequence[str]) -> None:
-        self._slopes, self._effects = tuple(slopes), EffectSlopes(model, slopes)
+        self._slopes, self.places = tuple(slopes), InputPlaces(model, slopes)
+        self._effects = EffectSlopes(model, slopes, self.places)
         self._at: dict[str, slice] = {}
         self._size = 0
         for name in names if slopes else ():

@@ -75,6 +75,8 @@ class SteppedRun:
     def hold(self, inputs: Inputs) -> None:
         """Raises InputError, and changes nothing, for what cannot be packed."""
         if inputs != self.applied.inputs:
+            if self.tangents is not None:
+                self.tangents.following.places.check(inputs)
             self.present = replace(self.present, applied=self.applied.holding(inputs))
 
     @property

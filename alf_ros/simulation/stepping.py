@@ -100,9 +100,11 @@ class Stepper:
         self.divider = np.zeros(3, dtype=np.uint64)  # as in `Work`
         self._following = following
         self._behind: Work | None = None  # of tangents
-        self._tangents: dict[bool, tuple[Problem, Tangents]] = {}  # of the run, and aside
+        # of the run, and aside; with the parameters that act
+        self._tangents: dict[bool, tuple[Problem, Tangents, Floats]] = {}
         self._problems: dict[bool, Problem] = {}  # of the run, and aside
-        self._watched: Problem | None = None  # of the run, while somebody watches
+        # of the run, while somebody watches; and the problem without the watch
+        self._watched: tuple[Problem, Problem] | None = None
         self.trail: Trail | None = None  # on which the steps of the run are written down
         self._jumps = DriveJumps.of(self.model, ledger)
         self.drive_jump: DriveJump | None = None
@@ -140,7 +142,13 @@ class Stepper:
 
     def advance(self, present: Present, n: int, watch: Watch | None = None) -> Status:
         """n steps from the present, fewer if one fails or is to be looked at."""
-        return self._take(self.work, present, present.step, n, self.h, 0.0, watch)
+        of = self._following
+        for steps in [n] if of is None else of.places.stretches(present.step, n):
+            end = present.step + steps
+            status = self._take(self.work, present, present.step, steps, self.h, 0.0, watch)
+            if status != Status.OK or present.step < end:
+                break
+        return status
 
     def aside(self, present: Present, start: float, h: float, counted: bool = True) -> Status:
         """One step of h (s) from `present` at `start` (s), outside the steps of the run.
@@ -207,7 +215,7 @@ class Stepper:
         self.work.crossing[1] = 0.0
         problem, span = self._problem(work, forces), Span(start, first, free, h)
         if followed and self._following is not None:
-            problem = self._followed(present.applied, problem)
+            problem = self._followed(present, problem)
         if watch is not None:
             problem = self._watched_by(watch, problem)
         if self.trail is not None and work is self.work:
@@ -250,20 +258,23 @@ class Stepper:
             return bool(pull.any())
         return self.start.near and bool(self.start.qd.any())
 
-    def _followed(self, applied: Applied, problem: Problem) -> Problem:
-        """A problem whose steps tangents follow; replaced when held inputs change."""
-        of_run = problem.work is self.work
+    def _followed(self, present: Present, problem: Problem) -> Problem:
+        """A problem whose steps tangents follow; replaced when held inputs change, and where a
+        parameter begins or ends to act."""
+        assert self._following is not None
+        of_run, acting = problem.work is self.work, self._following.places.acting(present.step)
         known = self._tangents.get(of_run)
-        if known is None or known[0].forces is not problem.forces:
+        same = known is not None and known[0].forces is problem.forces
+        if known is None or not same or (known[2] != acting).any():
             if self._behind is None:
                 self._behind = self._allocated()
-            assert self._following is not None
             before = known[1] if known is not None else None
-            tangents = self._following.tangents(applied, problem, self._behind, before)
+            applied, behind = present.applied, self._behind
+            tangents = self._following.tangents(applied, problem, behind, acting, before)
             code_of = following_implicitly if self.is_implicit else following
             code = code_of(self.model.layout.dimension, tangents._lanes())
             good = np.zeros_like(self._following.initial)
-            known = self._accompanied(problem, code.address, tangents, good), tangents
+            known = self._accompanied(problem, code.address, tangents, good), tangents, acting
             self._tangents[of_run] = known
         return known[0]
 
@@ -307,12 +318,12 @@ class Stepper:
     def _watched_by(self, watch: Watch, problem: Problem) -> Problem:
         """The problem of the run, whose steps `watch` follows."""
         known = self._watched
-        if known is None or known.forces is not problem.forces or known.work.watch is not watch:
+        if known is None or known[0] is not problem or known[1].work.watch is not watch:
             code = follow_step(self.model.layout.dimension)
             follow = np.array([code.address], dtype=np.uint64)
             work = changed(problem.work, follow=follow, watch=watch)
-            known = self._watched = changed(problem, work=work)
-        return known
+            known = self._watched = problem, changed(problem, work=work)
+        return known[1]
 
     def sample(self, present: Present, step: int, state: State) -> Dynamics:
         """Of a state at a step, with all that acts at the present."""

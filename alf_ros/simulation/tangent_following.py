@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,13 +23,14 @@ from alf_ros.model.struct_memory import changed
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.effect_slopes import EffectSlopes
+from alf_ros.simulation.input_places import InputPlaces
+from alf_ros.simulation.input_slopes import InputSlopes, Slopes, is_input
 from alf_ros.simulation.neighbour import MASSES, Neighbour
 from alf_ros.simulation.parameter_slopes import ParameterSlopes
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state_direction import StateDirection, is_direction
 
-Slopes: TypeAlias = ParameterSlopes | StateDirection
 _ROWS = ('length2', 'b', 'term', 'c')
 _OF_GROUPS = (
     *('first_q', 'first_qd', 'first_qdd', 'q', 'qd', 'qdd', 'begun_q', 'begun_qd'),
@@ -75,15 +76,13 @@ class TangentFollowing:
         _check_start(start)
         here = Neighbour(start, scene)
         self.slopes: list[Slopes] = [
-            StateDirection(name, here)
-            if is_direction(name)
-            else ParameterSlopes(name, here, solver, _numbered(known.get(name)))
-            for name in names
+            _slopes(name, here, solver, known.get(name)) for name in names
         ]
         for each in self.slopes:
             _check_slopes(each, start)
         self._start = start
-        self._effects = EffectSlopes(start.model, self.slopes)
+        self.places = InputPlaces(start.model, self.slopes)
+        self._effects = EffectSlopes(start.model, self.slopes, self.places)
 
     @property
     def initial(self) -> Floats:
@@ -117,15 +116,25 @@ class TangentFollowing:
 
     def check(self, applied: Applied) -> None:
         """Raises InputError for an effect without a derivative."""
-        dual_forces(applied, _lanes_for(len(self.names)))
+        dual_forces(self.places.applied(applied), _lanes_for(len(self.names)))
 
     def tangents(
-        self, applied: Applied, problem: Problem, work: Work, before: Tangents | None = None
+        self,
+        applied: Applied,
+        problem: Problem,
+        work: Work,
+        acting: Floats,
+        before: Tangents | None = None,
     ) -> Tangents:
         """For the kernel: `problem` of the run, `work` for the stages of the tangents alone.
-        `before`: with other inputs, whose memory is used again if it fits."""
+        acting (K,): 1 of the parameters that act, 0 of the others. `before`: with other inputs,
+        whose memory is used again if it fits."""
         W = _lanes_for(len(self.names))
-        params = _in_groups(self._effects.at(applied.inputs), W)
+        placed = self.places.applied(applied)
+        if placed is not applied:
+            applied, problem = placed, changed(problem, forces=placed.assembled)
+        slopes = self._effects.at(applied.inputs) * acting[:, np.newaxis]
+        params = _in_groups(slopes, W)
         if before is not None and before.params.shape == params.shape:
             known, now = before.problem.forces.effects, problem.forces.effects
             if np.array_equal(known.force, now.force):
@@ -276,8 +285,14 @@ def _any_of_group(flags: Integers, W: int) -> Integers:
     return np.array([flags[k : k + W].any() for k in range(0, flags.size, W)], dtype=np.int64)
 
 
-def _numbered(slopes: Slopes | None) -> ParameterSlopes | None:
-    return slopes if isinstance(slopes, ParameterSlopes) else None
+def _slopes(name: str, here: Neighbour, solver: Solver, before: Slopes | None) -> Slopes:
+    """By a parameter; `before`: by the one of its name in the scene with other numbers."""
+    if is_direction(name):
+        return StateDirection(name, here)
+    if is_input(name, here.scene):
+        return InputSlopes(name, here)
+    numbered = before if isinstance(before, ParameterSlopes) else None
+    return ParameterSlopes(name, here, solver, numbered)
 
 
 def _changes_rows(slopes: Slopes, start: Start) -> bool:

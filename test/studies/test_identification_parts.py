@@ -11,6 +11,7 @@ from scipy import optimize, stats
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.scene import overrides
+from alf_ros.simulation.applied import NO_INPUTS
 from alf_ros.simulation.state_trail import StateArrays
 from alf_ros.studies.identification.gauss_newton import best_gain, compressed
 from alf_ros.studies.identification.identifiability import beside, known
@@ -77,7 +78,9 @@ def test_slopes_that_serve_again_are_the_same() -> None:
             simulation.step(100)
         assert kept.following is not None and anew.following is not None
         for of, wanted in zip(kept.following.slopes, anew.following.slopes, strict=True):
-            assert np.allclose(of.params(), wanted.params(), rtol=1e-11, atol=1e-12)
+            assert np.allclose(
+                of.params(NO_INPUTS), wanted.params(NO_INPUTS), rtol=1e-11, atol=1e-12
+            )
         for name in names:
             a, b = (x.sample().tangents[name].q for x in (kept, anew))
             assert np.allclose(a, b, rtol=1e-9, atol=1e-12)

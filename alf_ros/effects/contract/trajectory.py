@@ -53,6 +53,11 @@ class Curve:
             x = x * d + c[k]
         return x, v, a
 
+    def shifted(self, by: float) -> Curve:
+        """x(t) and a constant."""
+        pieces = tuple((t, c + by, *more) for t, c, *more in self.pieces)
+        return Curve(pieces)
+
     def until(self, t: float) -> tuple[tuple[float, ...], ...]:
         """The pieces that begin before t (s)."""
         return tuple(piece for piece in self.pieces if piece[0] < t)

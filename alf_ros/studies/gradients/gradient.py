@@ -71,7 +71,8 @@ def gradient(
     source: a log; or a scene or a simulation, which stays as it is: a copy of it runs for
     `duration` (s) with the inputs held. of: `final(points.B.x)`, `mean(knee.position)`,
     `max(norm(reactions.knee.force))`, …: one of max, min, final, mean, integral and rms of a
-    quantity, by its name as of `record`. by: names as of `fork --set`. every:
+    quantity, by its name as of `record`. by: names as of `fork --set`, and of inputs
+    (`joints.knee.effort`, `joints.knee.effort[100:200]` in steps 100 to 199). every:
     steps from one sample to the next (default: a tick of the log, or one step). trust: run the
     effect code that a log contains.
 

@@ -46,7 +46,8 @@ class TapedRun(RunOfLegs):
     def go_on(self, steps: int) -> Iterator[Leg]:
         """Steps of the grid, with the inputs held now, leg by leg. Raises StepError."""
         while steps > 0:
-            n = min(steps, self._longest)
+            stretches = self.following.places.stretches(self._simulation.step_index, steps)
+            n = min(stretches[0], self._longest)
             self._begin(Leg(self._simulation.state, n))
             self._write_down(self._legs[-1])
             steps -= n
@@ -98,7 +99,8 @@ class TapedRun(RunOfLegs):
             bars.q[:], bars.qd[:] = back.q, back.qd
             for name, array in back.arrays.items():
                 sums[name] = sums.get(name, 0.0) + array
-            bars.numbers[:] += self._products.by_params(leg.state.inputs, back.params)
+            by_params = self._products.by_params(leg.state.inputs, back.params)
+            bars.numbers[:] += by_params * self.following.places.acting(leg.state.step)
         begin = {'q': bars.q, 'qd': bars.qd} if self._from_start else {}
         return bars.numbers + self._products.by_arrays({**sums, **bars.arrays, **begin})
 
@@ -114,12 +116,15 @@ class TapedRun(RunOfLegs):
         instants = sorted(filter(leg.has, weights), reverse=True)
         while True:
             own = Bars.of(self._simulation.model, len(self.following.names))
+            numbers = np.zeros_like(own.numbers)
             self._adjoint.begin(bars.q, bars.qd)
             try:
                 for instant in instants:
                     self._adjoint.take_back(self._written(leg, instant.step))
-                    own.q[:], own.qd[:] = 0.0, 0.0
+                    own.q[:], own.qd[:], own.numbers[:] = 0.0, 0.0, 0.0
                     number.add(self._sample(leg, instant.step), weights[instant], own)
+                    before = instant.step - (not instant.begins)
+                    numbers += own.numbers * self.following.places.acting(max(0, before))
                     self._adjoint.add(own.q, own.qd)
                 self._adjoint.take_back(0)
             except NoRoom:
@@ -127,5 +132,5 @@ class TapedRun(RunOfLegs):
                 continue
             for name, array in own.arrays.items():
                 bars.arrays[name] += array
-            bars.numbers[:] += own.numbers
+            bars.numbers[:] += numbers
             return self._adjoint.taken_back()

@@ -22,12 +22,12 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import NO_INPUTS
 from alf_ros.simulation.explicit_choice import explicit_solver
+from alf_ros.simulation.input_slopes import Slopes
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.simulation.state_direction import is_direction
 from alf_ros.simulation.state_trail import StateArrays
-from alf_ros.simulation.tangent_following import Slopes
 from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings
 from alf_ros.studies.identification.posture_track import wrapped
 from alf_ros.studies.identification.recording import MeasuredChannel

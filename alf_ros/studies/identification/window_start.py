@@ -26,7 +26,7 @@ from alf_ros.model.compile import Model
 from alf_ros.model.constraints.rotors import rotor_blocks
 from alf_ros.model.dense_linearisation import DEPENDENT
 from alf_ros.model.prescribed import prescribe
-from alf_ros.simulation.tangent_following import Slopes
+from alf_ros.simulation.input_slopes import Slopes
 from alf_ros.studies.statics.instant import Chosen
 from alf_ros.studies.statics.sparse_rows import jacobian, mass_matrix, turning
 

@@ -20,9 +20,9 @@ from alf_ros.kernel.needed_efforts import effort_equations, effort_residuals, ne
 from alf_ros.model.rank import distance
 from alf_ros.simulation.applied import NO_INPUTS, Inputs, one_by_one
 from alf_ros.simulation.instruments import Workspace
+from alf_ros.simulation.named_inputs import named_inputs
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.statics.instant import Loads
-from alf_ros.studies.statics.named_inputs import named_inputs
 
 # of the largest eigenvalue of the normal equations, or of what it would be without rows, from
 # which down one counts as zero; these are squares of singular values
@@ -86,7 +86,8 @@ class InverseDynamics:
     ) -> None:
         model = simulation.model
         names = [f'joints.{n}.effort' if n in model.coordinate_names else n for n in actuators]
-        self.inputs = named_inputs(Loads(simulation), 0.0, names, key)
+        loads = Loads(simulation)
+        self.inputs = named_inputs(loads.model, loads.effects, names, key)
         for each in self.inputs:
             if each.name.startswith('targets.'):
                 raise InputError(

@@ -28,6 +28,7 @@ from alf_ros.model.carried_positions import blocks_of
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import texts
+from alf_ros.simulation.named_inputs import NamedInput, named_inputs
 from alf_ros.simulation.quantities import open_components
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -39,7 +40,6 @@ from alf_ros.studies.statics.difference_slopes import slope_at_zero
 from alf_ros.studies.statics.frozen_time import read_at, standing_still
 from alf_ros.studies.statics.instant import Instant, Loads, forces
 from alf_ros.studies.statics.linear_model import LinearModel
-from alf_ros.studies.statics.named_inputs import NamedInput, named_inputs
 from alf_ros.studies.statics.positions_of_rest import (
     Equilibrium,
     equilibrium,
@@ -83,7 +83,7 @@ def linearise(
     rubbing = sample.friction_loads if loads.applied.load_count else np.zeros(0)
     instant = Instant(loads, t, state.q, state.qd, state.turns, rubbing)
     refuse_singular(instant)
-    named = named_inputs(loads, t, inputs)
+    named = named_inputs(loads.model, loads.effects, inputs)
     A, stiffness, damping, drift = _motion(instant, sample)
     charted = _Charted(instant, simulation, state)
     names, units = _outputs(sample, outputs)

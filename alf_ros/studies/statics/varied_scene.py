@@ -22,12 +22,12 @@ from alf_ros.model.assembly import displaced
 from alf_ros.model.prescribed import prescribe
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.named_inputs import NamedInput, named_inputs
 from alf_ros.simulation.neighbour import Neighbour
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.start import started
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
 from alf_ros.studies.statics.instant import Instant, Loads, counted
-from alf_ros.studies.statics.named_inputs import NamedInput, named_inputs
 
 TIME = 't'
 _INPUTS = ('joints', 'wrenches', 'targets')
@@ -112,7 +112,8 @@ class VariedScene:
 
     def _find_input(self, over: str) -> None:
         try:
-            (self._input,) = named_inputs(Loads(self._base), self._t, [over])
+            loads = Loads(self._base)
+            (self._input,) = named_inputs(loads.model, loads.effects, [over])
         except InputError as error:
             raise error.about('over') from None
         self.over, self.unit, self.present = self._input.name, self._input.unit, 0.0
