@@ -2,28 +2,24 @@
 
 Of members of several mechanisms that are built by themselves: the time of deriving the scene from
 the numbers, of building the simulation, of the steps alone, and of reading the outputs. For the
-slider-crank members per second together in this process, with one and with two worker processes;
-and the cost of chunks and a store. Ratios are of medians in one run of this program.
+slider-crank also the time of a member beside others in this process. Ratios are of medians in one
+run of this program.
 """
 
 from __future__ import annotations
 
 import argparse
-import tempfile
 import time
 from collections.abc import Callable
 from copy import copy
-from pathlib import Path
 from statistics import median
 from typing import Any, TypeVar
 
 from alf_ros import Simulation
-from alf_ros.studies.ensemble.chunk import run_chunk
-from alf_ros.studies.ensemble.crews import Crew, Processes, ThisProcess
+from alf_ros.studies.ensemble.crews import ThisProcess
 from alf_ros.studies.ensemble.distributions import normal
 from alf_ros.studies.ensemble.ensemble import conduct
 from alf_ros.studies.ensemble.member import outputs_of, run_member
-from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
 
@@ -88,11 +84,6 @@ def of_one_member(name: str, vary: dict[str, Any], duration: float, rounds: int 
     )
 
 
-def rate(made: Study, crew: Crew) -> float:
-    """Members per second, with the start of the workers."""
-    return made.members / timed(conduct, made, None, crew)[1]
-
-
 def main() -> None:
     """Print all of it."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -106,17 +97,8 @@ def main() -> None:
             of_one_member(name, vary, 1.0)
     made = study(options.members, 10.0, 'slider_crank', VARIED['slider_crank'][0], FIXED)
     alone = median([timed(run_member, made, k)[1] for k in range(15)])
-    here = rate(made, ThisProcess())
+    here = made.members / timed(conduct, made, None, ThisProcess())[1]
     print(f'a member of 10 s: {1e3 * alone:.3g} ms alone, {1e3 / here:.3g} ms side by side')
-    one, two = rate(made, Processes(1)), rate(made, Processes(2))
-    print(f'members per second: {here:.3g} here, {one:.3g} with one worker, {two:.3g} with two')
-    print(f'two workers: {two / one / 2:.3f} of twice one')
-    with tempfile.TemporaryDirectory() as folder:
-        chunk = run_chunk(made, 0)
-        with EnsembleStore(Path(folder) / 'store', made) as store:
-            put = median([timed(store.put, chunk)[1] for _ in range(20)])
-    work = made.chunk / here
-    print(f'a chunk of {made.chunk} members: writing it takes {put / work:.3%} of its work')
 
 
 if __name__ == '__main__':

@@ -1,17 +1,20 @@
 """How many chunks a Dask scheduler and the client of an ensemble keep up with:
 
-    .venv/bin/python benchmark/scheduler.py [--workers 10 100] [--wait 2 2] [--no-results]
+    .venv/bin/python benchmark/scheduler.py [--workers N ...] [--threads N ...] [--wait S ...]
 
 The client is the one of `alf_ros ensemble --scheduler`, and the scheduler the one of
-distributed, each in a process of its own. Workers of distributed with one thread each are in a
-third process: their chunks wait instead of computing, and have the arrays of a real chunk. A
-thousand of them ask for more than one processor there, whatever they wait.
+distributed, each in a process of its own. Workers of distributed are in other processes, with one
+or several threads each: their chunks wait instead of computing, and have the arrays of a real
+chunk. Each thread has one chunk at a time, so a thousand threads are a thousand simulated workers.
+A thousand objects of distributed ask for more than one processor themselves, so they are measured
+without chunks (`--wait 0`): what their heartbeats cost the scheduler.
 Each row is without and with a store, whose files are written one after another by the client.
 
-A round is one chunk of each worker. The first two rounds, which have the start, and the last one,
-in which workers end at different times, are not counted. Prints chunks per second beside the
-number that is possible, the processor time of a chunk in each process, and the processor time of
-client and scheduler in percent of chunks of 1 s and 5 s. Results: benchmark/results/scheduler.csv.
+A round is one chunk of each thread. The first two rounds, which have the start, and the last one,
+in which threads end at different times, are not counted. Prints chunks per second beside the
+number that is possible, the processor time of a chunk in each process, the share of a processor
+that the scheduler takes before the first chunk, and how many threads with chunks of 1 s and 5 s
+fill one processor, of the scheduler and of the client. Results: benchmark/results/scheduler.csv.
 """
 
 from __future__ import annotations
@@ -46,18 +49,35 @@ _QUIET = {  # what a thousand workers in one process would do instead of waiting
     'distributed.admin.system-monitor.interval': '60s',
     'distributed.worker.profile.enabled': False,
 }
+_SETTLING = 2.0  # s behind the start of the last worker
+_IDLE = 14.0  # s without chunks: two heartbeats of each of a thousand workers
+CHUNKS = 1.0, 5.0  # s
+MEASURED = (
+    'chunks',
+    'chunks_per_s',
+    'possible',
+    'ratio',
+    'client_ms',
+    'scheduler_ms',
+    'workers_ms',
+    'scheduler_full_1_s',
+    'scheduler_full_5_s',
+    'client_full_1_s',
+    'client_full_5_s',
+)
 _TICKS = os.sysconf('SC_CLK_TCK')
-_lock, _first = threading.Lock(), dict[str, Chunk]()
+Row = dict[str, str]
+_lock, _first = threading.Lock(), list[Chunk]()  # a process of workers has one study
 
 
 def wait(study: Study, number: int) -> Chunk:
     """A chunk that waits for the duration of a member, with the arrays of a real one."""
     until = time.monotonic() + study.duration
     with _lock:
-        if study.digest not in _first:
-            _first[study.digest] = run_chunk(study, 0)
+        if not _first:
+            _first.append(run_chunk(study, 0))
     time.sleep(max(0.0, until - time.monotonic()))
-    return Chunk(number, _first[study.digest].arrays)
+    return Chunk(number, _first[0].arrays)
 
 
 def scheduler(pipe: Any) -> None:
@@ -72,8 +92,8 @@ def scheduler(pipe: Any) -> None:
     asyncio.run(run())
 
 
-def workers(pipe: Any, address: str, count: int, study: Study) -> None:
-    """A process with `count` workers; says when all have begun."""
+def workers(pipe: Any, address: str, count: int, threads: int, study: Study) -> None:
+    """A process with `count` workers of `threads` each; says when all have begun."""
     import dask
     from distributed import Worker
 
@@ -84,7 +104,7 @@ def workers(pipe: Any, address: str, count: int, study: Study) -> None:
             made = [  # each looks through its folder when it begins, so one for all is slow
                 Worker(
                     address,
-                    nthreads=1,
+                    nthreads=threads,
                     memory_limit=0,
                     local_directory=f'{folder}/{k}',
                     dashboard=False,
@@ -121,70 +141,88 @@ def processor_time(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
-def row(count: int, seconds: float, rounds: int, stored: bool) -> dict[str, str]:
-    """With `count` workers."""
+def row(workers_of: list[int], threads: int, seconds: float, rounds: int, stored: bool) -> Row:
+    """With processes of so many workers each, of `threads` each."""
+    count = sum(workers_of)
+    places = count * threads
     study = study_of(
         'slider_crank',
         {'coupler.mass': {'normal': [1.0, 0.05]}},
-        members=MEMBERS * count * (rounds + 3),
+        members=MEMBERS * places * (rounds + 3),
         outputs=['final(points.B)', 'max(energy)'],
-        duration=seconds,
+        duration=seconds or 1.0,
         period=0.1,
         chunk=MEMBERS,
     )
     with ExitStack() as stack:
         first, address = stack.enter_context(process(scheduler))
-        its = stack.enter_context(process(workers, address, count, study))[0]
+        its = [
+            stack.enter_context(process(workers, address, each, threads, study))[0]
+            for each in workers_of
+        ]
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         keeper = stack.enter_context(EnsembleStore(f'{folder}/s', study)) if stored else Memory()
-        pids = os.getpid(), first, its
+        time.sleep(_SETTLING)
+        before = processor_time(first)
+        time.sleep(_IDLE)
+        idle = (processor_time(first) - before) / _IDLE
+
+        named = {
+            'workers': f'{count}',
+            'threads': f'{places}',
+            'processes': f'{len(workers_of)}',
+            'idle_percent': f'{100.0 * idle:.2g}',
+            'store': 'yes' if stored else 'no',
+            'wait_s': f'{seconds:g}',
+        }
+        if seconds == 0.0:
+            return named | dict.fromkeys(MEASURED, '-') | {'store': '-', 'wait_s': '-'}
+
+        def look() -> tuple[float, ...]:
+            others = sum(map(processor_time, its))
+            return time.monotonic(), time.process_time(), processor_time(first), others
+
         given = Cluster(address, run=wait).chunks(study, range(study.chunks))
         chunks = stack.enter_context(closing(given))
         looks = []
         for done, chunk in enumerate(chunks, 1):
             keeper.put(chunk)
-            if done in (2 * count, count * (rounds + 2)):
-                looks.append([time.monotonic(), *map(processor_time, pids)])
+            if done in (2 * places, places * (rounds + 2)):
+                looks.append(look())
                 if len(looks) == 2:
                     break
     spent = [after - before for before, after in zip(*looks, strict=True)]
-    made = count * rounds
+    made = places * rounds
     client, ours, others = (1e3 * each / made for each in spent[1:])
-    rate, ideal = made / spent[0], count / seconds
-    return {
-        'workers': f'{count}',
-        'store': 'yes' if stored else 'no',
-        'wait_s': f'{seconds:g}',
-        'chunks': f'{made}',
-        'chunks_per_s': f'{rate:.4g}',
-        'possible': f'{ideal:g}',
-        'ratio': f'{rate / ideal:.3f}',
-        'client_ms': f'{client:.3g}',
-        'scheduler_ms': f'{ours:.3g}',
-        'workers_ms': f'{others:.3g}',
-        'of_1_s_percent': f'{(client + ours) / 10.0:.2g}',
-        'of_5_s_percent': f'{(client + ours) / 50.0:.2g}',
-    }
+    rate, ideal = made / spent[0], places / seconds
+    filled = [f'{float(f"{1e3 * each / ms:.2g}"):g}' for ms in (ours, client) for each in CHUNKS]
+    cells = [f'{made}', f'{rate:.4g}', f'{ideal:g}', f'{rate / ideal:.3f}']
+    cells += [f'{each:.3g}' for each in (client, ours, others)]
+    return named | dict(zip(MEASURED, cells + filled, strict=True))
 
 
 def main() -> None:
     """Print all of it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--workers', type=int, nargs='+', default=[10, 100])
-    parser.add_argument('--wait', type=float, nargs='+', default=[2.0, 2.0])
-    parser.add_argument('--rounds', type=int, default=5)
+    parser.add_argument('--workers', type=int, nargs='+', default=[10, 100, 100, 1000])
+    parser.add_argument('--threads', type=int, nargs='+', default=[1, 1, 10, 1])
+    parser.add_argument('--processes', type=int, nargs='+', default=[1, 1, 1, 4])
+    parser.add_argument('--wait', type=float, nargs='+', default=[2.0, 2.0, 5.0, 0.0])
+    parser.add_argument('--rounds', type=int, default=4)
     parser.add_argument('--no-results', action='store_true')
     options = parser.parse_args()
-    load, found = os.getloadavg()[0], []
-    if len(options.wait) != len(options.workers):
-        parser.error('as many waits (s) as numbers of workers')
-    for count, seconds in zip(options.workers, options.wait, strict=True):
-        for stored in (False, True):
-            found.append(row(count, seconds, options.rounds, stored))
+    load, found = os.getloadavg()[0], list[Row]()
+    cases = options.workers, options.threads, options.processes, options.wait
+    if len(set(map(len, cases))) > 1:
+        parser.error('as many threads, processes and waits (s) as numbers of workers')
+    for count, threads, processes, seconds in zip(*cases, strict=True):
+        share = [count // processes] * processes
+        for stored in (False, True) if seconds else (False,):
+            found.append(row(share, threads, seconds, options.rounds, stored))
             print('  '.join(f'{key} {value}' for key, value in found[-1].items()), flush=True)
     if not options.no_results:
         with open(RESULTS / 'scheduler.csv', 'w', encoding='utf-8', newline='') as stream:
-            stream.write(f'# {about()}; load of the machine {load:.1f}\n')
+            stream.write(f'{about()}; load of the machine {load:.1f}\n')
             table = csv.DictWriter(stream, list(found[0]), lineterminator='\n')
             table.writeheader()
             table.writerows(found)

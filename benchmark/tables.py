@@ -250,20 +250,22 @@ def lanes() -> str:
 def scheduler() -> str:
     """The chunks that a scheduler and the client keep up with."""
     about, found = rows('scheduler.csv')
-    head = 'workers | a chunk, s | store | chunks | chunks/s | possible | ratio '
-    head += '| client, ms of processor a chunk | scheduler, ms '
-    head += '| client and scheduler, % of a chunk of 1 s | of 5 s'
-    keys: tuple[str, ...] = (
-        'workers',
-        'wait_s',
-        'store',
-        'chunks',
-        'chunks_per_s',
-        'possible',
-        'ratio',
+    head = (
+        'workers | threads, all | processes | scheduler without chunks, % of a processor | store '
     )
-    keys += ('client_ms', 'scheduler_ms', 'of_1_s_percent', 'of_5_s_percent')
-    return markdown(about, head, [[row[key] for key in keys] for row in found])
+    head += '| a chunk, s | chunks | chunks/s | possible | ratio '
+    head += '| client, ms of processor a chunk | scheduler, ms | workers, ms '
+    head += '| scheduler full, chunks of 1 s | of 5 s | client full, 1 s | 5 s'
+    return markdown(about, head, [list(row.values()) for row in found])
+
+
+def ensemble_overhead() -> str:
+    """The parts of the processor time of an ensemble, with one worker and with two."""
+    about, found = rows('ensemble_overhead.csv')
+    head = 'crew | workers | a member, ms of processor | members, % | workers besides, % '
+    head += '| store, % | client and scheduler, % | members/s '
+    head += '| of twice, by the clock | by processor time | members alone'
+    return markdown(about, head, [list(row.values()) for row in found])
 
 
 def closure() -> str:
@@ -377,6 +379,7 @@ TABLES = (
     ('day', day),
     ('lanes', lanes),
     ('scheduler', scheduler),
+    ('ensemble_overhead', ensemble_overhead),
     ('closure', closure),
     ('closure_passes', closure_passes),
     ('robots', robots),

@@ -33,14 +33,12 @@ _LOOKING = 0.05  # s between two looks for finished chunks
 _COUNTING = 1.0  # s between two counts of the threads of the cluster
 # of a chunk that went with its worker before it was fetched: the scheduler runs it once more
 _AGAIN = ('lost', 'pending', 'finished')
+_last = threading.local()  # what a thread of a worker has read
 _FETCHED = 32  # chunks in one answer: some have histories of thousands of members
 
 
 def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
-    """A chunk, in the process of a worker. Raises InputError for other code or libraries.
-
-    Each chunk has a study of its own: a worker may have several threads.
-    """
+    """A chunk, in the process of a worker. Raises InputError for other code or libraries."""
     here = versions()
     for name, version in wanted.items():
         if here[name] != version:
@@ -50,9 +48,19 @@ def run_on_worker(pickled: bytes, wanted: dict[str, str], number: int) -> Chunk:
                 value=here[name],
                 expected=version,
             )
-    run, study = pickle.loads(pickled)
+    run, study = _read(pickled)
     found: Chunk = run(study, number)
     return found
+
+
+def _read(pickled: bytes) -> tuple[Callable[[Study, int], Chunk], Study]:
+    """A function and a study, which each thread of a worker reads once: what its chunks have
+    learned of the structure of their members took longer than small chunks themselves."""
+    if getattr(_last, 'pickled', None) != pickled:
+        _last.work = pickle.loads(pickled)
+        _last.pickled = pickled
+    work: tuple[Callable[[Study, int], Chunk], Study] = _last.work
+    return work
 
 
 def _own_address() -> str:

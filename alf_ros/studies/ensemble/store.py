@@ -16,6 +16,7 @@ import fcntl
 import hashlib
 import json
 import os
+import threading
 from collections.abc import Iterator
 from functools import cache
 from importlib import metadata
@@ -35,12 +36,14 @@ from alf_ros.studies.ensemble.study import Study
 
 HIDDEN = '.alf_ros'
 _LIBRARIES = ('numpy', 'scipy', 'numba', 'llvmlite')
+_one_thread = threading.Lock()
 
 
 def versions() -> dict[str, str]:
     """Of all that may change a bit of a member. `sources`: a digest of the whole package, as a
     list of its folders would miss others that a member comes to need."""
-    return {'alf_ros': version(), 'sources': digest('.'), **_libraries()}
+    with _one_thread:  # all threads of a worker ask at once: 64 together read for seconds
+        return {'alf_ros': version(), 'sources': digest('.'), **_libraries()}
 
 
 @cache  # 10 ms, and a worker of a cluster asks for each chunk
