@@ -64,7 +64,8 @@ class InputSlopes:
         self.arrays = {
             key: np.zeros_like(each) for key, each in zip(ARRAYS, here.arrays(), strict=True)
         }
-        self.params(NO_INPUTS)
+        if self.is_target:
+            self.params(NO_INPUTS)  # refused here, not at the first step
 
     @property
     def is_target(self) -> bool:

@@ -94,6 +94,8 @@ class Neighbour:
 
     def effects(self, inputs: Inputs) -> Effects:
         """Its effects, with inputs held."""
+        if inputs == NO_INPUTS:
+            return self._applied.assembled.effects
         return self._applied.holding(inputs).assembled.effects
 
     @property
