@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 
@@ -19,6 +19,7 @@ import numpy as np
 from alf_ros import effects
 from alf_ros.columns import ColumnText
 from alf_ros.errors import InputError
+from alf_ros.scene.input_effects import input_effect
 from alf_ros.scene.mechanism_file import read_parameters
 from alf_ros.scene.rereading import reading_of
 from alf_ros.scene.scene import PICKED, Scene, load_scene
@@ -51,6 +52,7 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
     `prefix`."""
     if not changes:
         return scene
+    scene = with_inputs(scene, changes)
     sources = [f'{prefix}{name}' for name in changes]
     try:
         values = {
@@ -66,6 +68,33 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
         # the text of a change is no file with lines and keys
         raise error.about(error.file) from None
     return changed
+
+
+def with_inputs(scene: Scene, names: Collection[str]) -> Scene:
+    """The scene with an effect of zero for each of the names that is of an input, and of no number
+    of the scene. Raises InputError for a joint or a body that it does not have."""
+    root = scene.document.root
+    for name in names:
+        effect = input_effect(name, root)
+        if effect is None or effect.is_in(root) or _has(root, name):
+            continue
+        root = effect.added_to(root, name)
+    if root is scene.document.root:
+        return scene
+    try:
+        return dataclasses.replace(load_scene(root.mapping()), file=scene.file)
+    except InputError as error:
+        if error.file not in names:
+            raise
+        raise error.about(error.file) from None
+
+
+def _has(root: Entry, name: str) -> bool:
+    try:
+        _place(root, name, '')
+    except InputError:
+        return False
+    return True
 
 
 def of_members(scene: Scene, changes: Sequence[Mapping[str, str]]) -> Scene | None:
@@ -206,6 +235,9 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
                     places.setdefault(key, []).append(('effects', kind, key))
     found = places.get(first, [])
     if all(place[0] == 'mechanism' for place in found):
+        effect = input_effect(name, root)
+        if effect is not None and effect.is_in(root):
+            return effect.place
         _refuse_input(root, name, said)
     if not found and not rest:
         inside = _numbers_of_parts(root, first)
@@ -236,8 +268,8 @@ def _refuse_input(root: Entry, name: str, said: str) -> None:
         number = 'push.force.0'
     elif name.endswith('.effort') and (first == 'joints' or name[:-7] in joints):
         joint = rest[:-7] if first == 'joints' else name[:-7]
-        if said == 'tangents':
-            expected = f'the input joints.{joint}.effort'
+        if first != 'joints':
+            expected = f'joints.{joint}.effort'
             raise InputError('nothing of this name', key=said, value=name, expected=expected)
         effect, number = f'joint_effort: {{push: {{joint: {joint}, effort: 0}}}}', 'push.effort'
     else:

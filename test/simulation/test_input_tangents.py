@@ -299,7 +299,7 @@ def test_efforts_of_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     [
         ('joints.crank_pn.effort', 'no such quantity'),
         ('joints.crank_pin.torque', 'no such quantity'),
-        ('crank_pin.effort', 'expected the input joints.crank_pin.effort'),
+        ('crank_pin.effort', 'expected joints.crank_pin.effort'),
         (f'{EFFORT}[20:20]', f'expected {EFFORT}[100:200]'),
         (f'{EFFORT}[a:3]', 'no such quantity'),
         ('wrenches.coupler.torque.z', 'no such quantity'),

@@ -20,6 +20,7 @@ from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError, StepError
+from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, load_scene, scene_within
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.expression import ExpressionError, evaluate
@@ -65,6 +66,7 @@ def study_of(
         raise InputError('not a mapping', key='vary', value=vary, expected=expected)
     sampling = 'random' if sampling is None else sampling
     varied = {str(name): _varied(data, f'vary.{name}') for name, data in vary.items()}
+    loaded = overrides.with_inputs(loaded, varied)
     if members is not None:
         members = check.whole(members, 'members', 1)
     seed = check.whole(seed, 'seed', 0, MOST_SEED)

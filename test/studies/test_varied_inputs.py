@@ -1,0 +1,84 @@
+"""Efforts and wrenches from outside as numbers that vary in a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, ensemble, load_scene, optimise
+from alf_ros.__main__ import main as program
+from alf_ros.errors import InputError
+from alf_ros.logs import load
+from alf_ros.scene import overrides
+from support.log_files import make
+
+EFFORT, FORCE, TORQUE = 'joints.crank_pin.effort', 'wrenches.B.force.x', 'wrenches.coupler.torque'
+
+
+def pushed(effort: float, force: float, torque: float, steps: int) -> Simulation:
+    simulation = Simulation(load_scene('slider_crank'))
+    simulation.apply_effort('crank_pin', effort)
+    simulation.apply_wrench('B', [force, 0.0])
+    simulation.apply_wrench('coupler', torque=torque)
+    simulation.step(steps)
+    return simulation
+
+
+def test_members_are_pushed() -> None:
+    """As by inputs that are held."""
+    efforts, forces, torques = [0.0, 1.5, -2.0], [0.5, 0.0, 3.0], [0.0, 0.2, -0.1]
+    found = ensemble(
+        'slider_crank',
+        {EFFORT: efforts, FORCE: forces, TORQUE: torques},
+        sampling='table',
+        outputs=['final(points.B.x)'],
+        duration=0.5,
+        workers=1,
+    )
+    ends = found['final_points.B.x'].to_numpy()
+    for k, values in enumerate(zip(efforts, forces, torques, strict=True)):
+        wanted = pushed(*values, steps=500).sample().points['B'][0]
+        assert ends[k] == pytest.approx(wanted, abs=1e-11)
+
+
+def test_a_design_may_be_an_effort() -> None:
+    """The effort that holds a slider-crank at rest, by an independent formula."""
+    at_rest = {'initial.velocities': '{}', 'effects.gravity.acceleration': '[0, -9.81]'}
+    scene = overrides.with_changes(load_scene('slider_crank'), at_rest)
+    found = optimise(scene, {EFFORT: [0.0, 20.0]}, 'rms(joints.crank_pin.velocity)', duration=0.1)
+    # both rods of 1 kg and 1 m at 45 degrees: each centre of mass rises by cos 45 / 2 a radian
+    assert found[EFFORT] == pytest.approx(9.81 * np.cos(np.pi / 4), rel=1e-3)
+
+
+def test_a_fork_is_pushed(tmp_path: Path) -> None:
+    log, _ = make(tmp_path / 'log', 'slider_crank', ticks=20, push_at=5)
+    new = tmp_path / 'fork'
+    assert program(['fork', str(log), '--at', '0', '--set', f'{EFFORT}=2', '-o', str(new)]) == 0
+    (made,) = new.rglob('*.mcap')
+    effects = load(made).scene(False).effects
+    assert [(e.kind, e.name) for e in effects][1:] == [('joint_effort', 'crank_pin_effort')]
+
+
+@pytest.mark.parametrize(
+    ('name', 'told'),
+    [
+        ('joints.crank_pn.effort', "joints.crank_pn.effort.*got 'crank_pn'.*'crank_pin'"),
+        ('wrenches.Q.force.x', "wrenches.Q.force.x.*got 'Q'"),
+        ('wrenches.coupler.torque.z', 'a single value has no parts'),
+        ('targets.crank_pin.position', 'nothing of this name'),
+    ],
+)
+def test_what_is_refused(name: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        overrides.with_changes(load_scene('slider_crank'), {name: '1'})
+
+
+def test_a_number_of_the_scene_comes_first() -> None:
+    """An effect that has the name is not made twice."""
+    scene = load_scene('slider_crank')
+    once = overrides.with_changes(scene, {EFFORT: '1', FORCE: '2'})
+    again = overrides.with_changes(once, {EFFORT: '3'})
+    assert [e.name for e in again.effects] == ['gravity', 'crank_pin_effort', 'B_force']
+    assert overrides.number(again, EFFORT) == 3.0
