@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.model.compile import Model
 from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs, place_of
 from alf_ros.simulation.input_slopes import InputSlopes, Slopes
@@ -25,19 +26,19 @@ class InputPlaces:
     """
 
     def __init__(self, model: Model, slopes: Sequence[Slopes]) -> None:
-        own = {k: s for k, s in enumerate(slopes) if isinstance(s, InputSlopes)}
-        found = {s.input.name: s for s in own.values()}
+        self._inputs = {k: s for k, s in enumerate(slopes) if isinstance(s, InputSlopes)}
+        found = {s.input.name: s for s in self._inputs.values()}
         self._targets = [s.input for s in found.values() if s.is_target]
         pushing = [s.input for s in found.values() if not s.is_target]
         self._places = {s.name: place_of(model, s.added(NO_INPUTS, 1.0)) for s in pushing}
         self._steps = np.tile([0.0, np.inf], (len(slopes), 1))  # in which a parameter acts
-        for k, of in own.items():
+        for k, of in self._inputs.items():
             self._steps[k] = of.first, np.inf if of.end is None else of.end
         self._changes = np.unique(self._steps[np.isfinite(self._steps)]).astype(int)
         sizes = [each.slope.size for each in self._places.values()]
         self.slopes = np.zeros((len(slopes), sum(sizes)))
         ends = dict(zip(self._places, np.cumsum(sizes), strict=True))
-        for k, of in own.items():
+        for k, of in self._inputs.items():
             if not of.is_target:
                 slope, end = self._places[of.input.name].slope, ends[of.input.name]
                 self.slopes[k, end - slope.size : end] = slope
@@ -59,6 +60,19 @@ class InputPlaces:
         if self._known is None or self._known[0] is not applied:
             self._known = applied, applied.holding(applied.inputs, tuple(self._places.values()))
         return self._known[1]
+
+    def check_steps(self, first: int, last: int, key: str) -> None:
+        """Raises InputError, which says `key`, for a parameter that acts in none of the steps of a
+        run."""
+        for k, of in self._inputs.items():
+            begins, ends = self._steps[k]
+            if begins >= last or ends <= first:
+                raise InputError(
+                    'acts in no step of the run',
+                    key=key,
+                    value=of.name,
+                    expected=f'within [{first}:{last}]',
+                )
 
     def acting(self, step: int) -> Floats:
         """(K,) 1 of the parameters that act in a step, 0 of the others."""

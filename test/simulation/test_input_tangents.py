@@ -266,6 +266,15 @@ def test_a_mean_of_what_the_input_is_part_of() -> None:
     assert mean.by[names[1]] + mean.by[names[2]] == pytest.approx(1.0, rel=1e-9)
 
 
+@pytest.mark.parametrize('steps', ['[200:300]', '[200:]', '[:10]'])
+def test_steps_outside_of_the_run_are_refused(steps: str) -> None:
+    """No derivative of zero for what is never added."""
+    simulation = Simulation(load_scene(CRANK))
+    simulation.step(10)
+    with pytest.raises(InputError, match=r'acts in no step of the run.*within \[10:110\]'):
+        gradient(simulation, 'final(points.B.x)', [f'{EFFORT}{steps}'], duration=0.1)
+
+
 def test_efforts_of_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A recorded effort, from the step on that it was held from."""
     run = LogRun(tmp_path / 'log', setup.made(load_scene(CRANK), {}))

@@ -158,7 +158,9 @@ def _gradient(
             raise InputError('by no number', key='by', expected='names of numbers of the scene')
         run = TapedRun(simulation, names)
     fold, number, unit = _objective(of, simulation.sample(), run.displaced)
+    first = simulation.step_index
     samples = _sampled(run, number, simulation, stretches, every)
+    run.following.places.check_steps(first, simulation.step_index, 'by')
     values, sizes = map(np.array, zip(*samples.values(), strict=True))
     if not np.isfinite(values).all():
         raise InputError('it has no value on the way', key='of', value=of)
