@@ -1,11 +1,12 @@
 """The cost of an ensemble beside its members, with one worker and with two:
 
-    .venv/bin/python benchmark/ensemble_overhead.py [--members N] [--rounds N] [--no-results]
+    .venv/bin/python benchmark/ensemble_overhead.py [--chunks N] [--chunk N] [--rounds N]
 
-Slider-cranks of ten seconds in chunks of the default size, with a store: in one process, with
-processes of this machine, and with workers of a Dask cluster, whose scheduler is in the process of
-the client. The first fifth of the chunks, which has the start, and the last ones, in which one
-worker may wait for the other, are not counted. All are measured by turns; numbers are medians.
+Slider-cranks of ten seconds in chunks of the size that a million of them have by default (another
+size: --chunk; the results have chunks of 256), with a store: in one process, with processes of
+this machine, and with workers of a Dask cluster, whose scheduler is in the process of the client.
+The first fifth of the chunks, which has the start, and the last ones, in which one worker may wait
+for the other, are not counted. All are measured by turns; numbers are medians.
 
 `members`: of the processor time of all processes together, the part in which members are made,
 stepped and read. The rest is the overhead: of the workers outside their members, of writing the
@@ -25,7 +26,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from statistics import median
 
 from measured_chunk import MEASURED, measured_chunk
@@ -44,7 +45,7 @@ from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
 
 CASES = (('this process', 1), ('processes', 1), ('processes', 2), ('cluster', 1), ('cluster', 2))
-_END = 4  # chunks of each worker that are not counted
+_END = 2  # chunks of each worker that are not counted
 
 
 @dataclass(frozen=True)
@@ -97,31 +98,34 @@ def cost(crew: Crew, study: Study, workers: int) -> Cost:
             looks.append((time.monotonic(), time.process_time(), stored))
             measured.append(chunk.arrays[MEASURED])
     first, last = study.chunks // 5, study.chunks - _END * workers
-    clock, client, storing = (b - a for a, b in zip(looks[first], looks[last], strict=True))
+    client, storing = (b - a for a, b in zip(looks[first][1:], looks[last][1:], strict=True))
     counted = study.chunk * (last - first)
     of_members = of_workers = 0.0
     of_process: dict[float, list[list[float]]] = {}
-    for pid, own, so_far in measured[first : last + 1]:
-        of_process.setdefault(pid, []).append([own, so_far])
-    chunks_of_workers = 0
+    for (pid, own, so_far), look in zip(measured, looks, strict=True):
+        if looks[first] <= look <= looks[last]:
+            of_process.setdefault(pid, []).append([own, so_far, look[0]])
+    chunks_of_workers, rate = 0, 0.0
     for each in of_process.values():
-        own = sum(its for its, _ in each[1:])
+        own = sum(its for its, _, _ in each[1:])
         of_members += own
         of_workers += each[-1][1] - each[0][1] - own
         chunks_of_workers += len(each) - 1
+        rate += study.chunk * (len(each) - 1) / (each[-1][2] - each[0][2])
     seen = study.chunk * chunks_of_workers
     client -= storing
     if os.getpid() in of_process:  # where all is in one process
         client, of_workers = client - of_members, 0.0
     return Cost(
-        of_members / seen, of_workers / seen, storing / counted, client / counted, clock / counted
+        of_members / seen, of_workers / seen, storing / counted, client / counted, 1.0 / rate
     )
 
 
 def main() -> None:
     """Print all of it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--members', type=int, default=20480)
+    parser.add_argument('--chunks', type=int, default=20)
+    parser.add_argument('--chunk', type=int, help='members in a chunk')
     parser.add_argument('--rounds', type=int, default=5)
     parser.add_argument('--no-results', action='store_true')
     options = parser.parse_args()
@@ -130,14 +134,16 @@ def main() -> None:
         load_scene('slider_crank'),
         {'solver.integrator': 'dop853', 'solver.step': '0.025'},  # s
     )
-    study = study_of(
+    many = study_of(
         scene,
         {'coupler.mass': {'normal': [1.0, 0.05]}},
-        members=options.members,
+        members=10**6,
         outputs=['final(energy)', 'max(energy)'],
         duration=10.0,
         period=1.0,
     )
+    size = options.chunk or many.chunk
+    study = replace(many, chunk=size, members=options.chunks * size)
     costs: dict[tuple[str, int], list[Cost]] = {case: [] for case in CASES}
     for _ in range(options.rounds):
         for kind, workers in CASES:

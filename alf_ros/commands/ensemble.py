@@ -67,15 +67,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     with parser.naming():
-        study = load_study(options.study, members=options.members)
+        name = paths.named(options.study).stem
+        folder = paths.named(options.store or f'{name}.zarr', '--store')
+        study = load_study(options.study, members=options.members, store=folder)
     if options.log is not None:
         refuse_given(options, ('report',), 'has no meaning with --log')
         with parser.naming():
             return _log(study, options.log, options.output)
     if options.scheduler is not None:  # distributed logs tracebacks: here one line says it
         logging.disable(logging.CRITICAL)
-    name = paths.named(options.study).stem
-    folder = paths.named(options.store or f'{name}.zarr', '--store')
     _report(folder, options.report)
     with parser.naming(), _Lines(folder) as lines:
         conduct(study, folder, crew(study, options.workers, options.scheduler, lines.say), lines)

@@ -129,12 +129,6 @@ class AlikeMembers:
         values = [np.stack(each, axis=1)[:count] for each in zip(*rows, strict=True)]
         return np.array(t), values, good[:count]
 
-    def reads_at(self, at: Sequence[float]) -> bool:
-        """Whether instants (s) are on the grid of the steps: others are reached aside."""
-        h = self._of.h
-        steps = [math.floor(t / h + check.CLOSE) for t in at]
-        return all(t - n * h <= check.CLOSE * h for t, n in zip(at, steps, strict=True))
-
     def _begin(self, numbers: Sequence[MemberNumbers]) -> NDArray[np.bool_]:
         """Put members at their starts; returns which are there. Places without a member have the
         numbers of the last one, and make no steps."""

@@ -81,11 +81,11 @@ def ensemble(
     is defined by `seed` and its index. `outputs`: the kept values, see
     `alf_ros.studies.ensemble.kept_outputs`. Each member runs for `duration` (s)
     and is looked at every `period` (s; about a hundredth of it) and at the end. `store`: a folder
-    in which finished chunks of `chunk` members survive whatever happens; the same call continues
-    there. `workers`: processes of this machine (0: none, this one; if not
-    given, as many as it has processors, or none for what takes no longer than they to begin).
-    `scheduler`: the address of a Dask cluster to use instead. `watching` is called after each
-    chunk.
+    in which finished chunks of `chunk` members (by default about two seconds of work, or what an
+    earlier store has) survive whatever happens; the same call continues there. `workers`:
+    processes of this machine (0: none, this one; if not given, as many as it has processors, or
+    none for what takes no longer than they to begin). `scheduler`: the address of a Dask cluster
+    to use instead. `watching` is called after each chunk.
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is
     empty unless a member failed; its attribute `trouble` says if fixed steps of member 0 are too
@@ -107,6 +107,7 @@ def ensemble(
         duration=duration,
         period=period,
         chunk=chunk,
+        store=store,
     )
     arrays = conduct(study, store, crew(study, workers, scheduler), watching)
     if store is not None:

@@ -34,7 +34,7 @@ from alf_ros.studies.ensemble.chunk import Arrays, Chunk, variables_of
 from alf_ros.studies.ensemble.kept_outputs import LabelledArray
 from alf_ros.studies.ensemble.study import Study
 
-HIDDEN = '.alf_ros'
+HIDDEN, MANIFEST = '.alf_ros', 'manifest.json'
 _LIBRARIES = ('numpy', 'scipy', 'numba', 'llvmlite')
 _one_thread = threading.Lock()
 
@@ -77,7 +77,7 @@ class EnsembleStore:
     def __enter__(self) -> EnsembleStore:
         try:
             with self._writing():
-                self._open(self._hidden / 'manifest.json')
+                self._open(self._hidden / MANIFEST)
         except BaseException:
             self._held.close()
             raise
@@ -267,6 +267,17 @@ class Memory:
         """All chunks, in their order."""
         for number in sorted(self._chunks):
             yield self._chunks[number]
+
+
+def kept_size(folder: str | Path) -> int | None:
+    """How many members a chunk of an earlier store has; None if there is no store, or none that
+    can be read: then `EnsembleStore` refuses it."""
+    try:
+        manifest = json.loads((paths.named(folder, 'store') / HIDDEN / MANIFEST).read_bytes())
+        size = manifest['study']['chunk']
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return size if type(size) is int and size > 0 else None
 
 
 def joined(study: Study, chunks: Iterator[Chunk]) -> Arrays:

@@ -7,6 +7,7 @@ Members of a rare structure, and those that nobody is like, are left to be built
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -17,9 +18,11 @@ from alf_ros.errors import AlfError, StoppedError
 from alf_ros.inspection.run import RunsTogether
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.member_numbers import MemberNumbers, is_same, unlike
 from alf_ros.simulation.member_readings import readable
+from alf_ros.simulation.quantities import Quantity
 from alf_ros.simulation.side_by_side import no_place
 from alf_ros.simulation.simulation import Simulation
 
@@ -213,8 +216,20 @@ class Structures:
         """Memory for members like this one; None if it has to be built by itself, or if more than
         its states is read. Raises what its simulation does."""
         first = Simulation(scene)
-        quantities = readable(first, self._names)
-        if quantities is None or unlike(first) or no_place(first):
-            return None
-        alike = AlikeMembers(first, quantities, self._likely)
-        return alike if alike.reads_at(self._at) else None
+        quantities = read_together(first, self._names, self._at)
+        return AlikeMembers(first, quantities, self._likely) if quantities is not None else None
+
+
+def read_together(
+    simulation: Simulation, names: Sequence[str], at: Sequence[float]
+) -> list[Quantity] | None:
+    """The quantities of these names, if members like a simulation are made together and read at
+    these instants (s); None if each has to be built by itself, or if more than its states is
+    read. Raises InputError for an unknown name."""
+    quantities = readable(simulation, names)
+    if quantities is None or unlike(simulation) or no_place(simulation):
+        return None
+    h = simulation.h
+    steps = [math.floor(t / h + check.CLOSE) for t in at]
+    is_on_grid = all(t - n * h <= check.CLOSE * h for t, n in zip(at, steps, strict=True))
+    return quantities if is_on_grid else None  # others are reached aside

@@ -26,7 +26,7 @@ from alf_ros.studies.ensemble.sampling import Sampling, Varied
 from alf_ros.studies.ensemble.structures import Structures
 from alf_ros.studies.sent_scene import SentScene
 
-_KEPT = 4096  # members whose values are kept
+MOST_AT_ONCE = 2**15  # members of a chunk; the values of so many are kept
 _NO_ARRAY = re.compile(r'[\s/]')
 
 
@@ -67,7 +67,7 @@ class Study(SentScene):
         """The values of member k by name, as text."""
         found = self._values.get(k)
         if found is None:
-            if len(self._values) >= _KEPT:
+            if len(self._values) >= MOST_AT_ONCE:
                 self._values.clear()
             found = self._values[k] = self.samples.values(k)
         return found

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from alf_ros import paths
-from alf_ros.errors import InputError, StepError
+from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, load_scene, scene_within
 from alf_ros.scene.text import yaml_document
@@ -27,21 +27,17 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.scene.text.yaml_document import BOOLEAN, Entry
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.ensemble.chunk_size import cost_of, size_of
 from alf_ros.studies.ensemble.distributions import distribution, value
 from alf_ros.studies.ensemble.kept_outputs import outputs as read_outputs
 from alf_ros.studies.ensemble.sampling import Sampling, Varied, sampling_named
+from alf_ros.studies.ensemble.store import kept_size
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.varied_table import columns
 
 KEYS = ('scene', 'vary', 'members', 'seed', 'sampling', 'duration', 'period', 'outputs', 'chunk')
 SAMPLES = 100  # in the duration, if no period is given
 MOST_SEED = 2**63 - 1
-
-# A chunk: seconds of work, of which a member costs about so much (measured: benchmark/ensemble.py)
-_WORK = 2.0
-_MEMBER, _SAMPLE, _STAGE, _BLOCK = 2e-3, 3e-5, 5e-7, 2.5e-7  # s; a stage, and each block in it
-_LEAST_CHUNKS, _MOST_CHUNK = 64, 4096
-_TRIED = 200  # steps of the scene, to learn how many stages they take
 
 
 def study_of(
@@ -55,8 +51,10 @@ def study_of(
     duration: float = 10.0,
     period: float | None = None,
     chunk: int | None = None,
+    store: str | Path | None = None,
 ) -> Study:
-    """The study of these values; `alf_ros.ensemble` explains them. Raises InputError."""
+    """The study of these values; `alf_ros.ensemble` explains them. Without a `chunk` it has the
+    one of an earlier `store`. Raises InputError."""
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     if isinstance(vary, (str, Path)):
         vary = columns(paths.named(vary, 'vary'))
@@ -102,9 +100,10 @@ def study_of(
     )
     _examined(study)
     if chunk is None:
-        cost = _cost(study)
+        cost = cost_of(study)
         runs = not any(output.kind == 'function' for output in found)
-        return replace(study, chunk=_chunk(study, cost), cost=cost if runs else math.inf)
+        chunk = (store and kept_size(store)) or size_of(study, cost)
+        study = replace(study, cost=cost.seconds if runs else math.inf)
     # a larger chunk has room on the disk for members that the study does not have
     return replace(study, chunk=min(check.whole(chunk, 'chunk', 1), study.members))
 
@@ -144,26 +143,6 @@ def _examined(study: Study) -> None:
             first = first or error
     assert first is not None
     raise first
-
-
-def _cost(study: Study) -> float:
-    """About how long a member takes, s, without functions of the user. It depends on the study
-    alone, not on what a machine measures."""
-    simulation = Simulation(study.scene, watch=study.watch, ledger=study.ledger)
-    steps = check.steps_of(study.duration, simulation.h, 0)
-    tried, stages = min(steps, _TRIED), simulation.evaluations
-    try:
-        simulation.step(tried)
-    except StepError:
-        tried = max(1, simulation.step_index)
-    each = (simulation.evaluations - stages) / tried * (_STAGE + _BLOCK * simulation.model.n)
-    return _MEMBER + _SAMPLE * len(study.instants[0]) + steps * each
-
-
-def _chunk(study: Study, cost: float) -> int:
-    """How many members are about two seconds of work: a power of 2, the same on every machine."""
-    wanted = min(_WORK / cost, study.members / _LEAST_CHUNKS, _MOST_CHUNK)
-    return 1 << max(0, math.ceil(math.log2(max(wanted, 1.0))))
 
 
 # -------------------------------------------------------------------------------------------- YAML
