@@ -64,7 +64,7 @@ class Ensemble:
         self._varied = vary is not None
         drawn: list[str] = []
         if vary is not None:
-            given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling)
+            given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling, chunk=1)
             count = check.whole(given.members, 'members', 1, MOST_MEMBERS)
             drawn = [name for name, _ in given.vary]
             scenes = [given.scene_of(k) for k in range(count)]
