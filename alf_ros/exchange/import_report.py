@@ -111,7 +111,7 @@ MOTION = {
     'rotors of transmissions': 'the inertia of rotors is not counted: give it as `armature` of '
     'the motor, times the square of the reduction',
     'constants of motors': 'a command is the effort of the joint, not a current',
-    'limits of commands': 'efforts beyond them act too',
+    'limits of commands': 'commands beyond them act too',
     'limits of motors': 'they bound no effort that is sent to the joint: such efforts act beyond '
     'them too',
     'ranges of controls': 'they bound the control at the start only: targets that are sent later '
