@@ -161,6 +161,7 @@ READING = {
     'zero of joints': 'here it is as drawn',
     'link of the world: there is none': 'it is the ground, as in Drake',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
+    'qpos of bodies': 'loops are closed with free bodies and balls there, as in a keyframe',
     'posture of bodies': 'joints are open as drawn; the bodies were moved to close them',
     'switched off in the file': 'not imported',
     'warnings of MuJoCo': '',
