@@ -71,7 +71,8 @@ def closed(posture: OpenLoops, robot: Robot) -> Floats | None:
             'loops',
             f'{posture.loops} cannot be closed: all joints are held, and {open_by:.3g} m stay '
             'open',
-            expected='a joint of the loop that can move and is not in --set',
+            expected='a joint of the loop that can move and is not in --set, nor in `positions` '
+            'of a side file',
         )
     low, high = posture.limits()
     begin = np.clip(drawn, low, high)
