@@ -34,6 +34,9 @@ from alf_ros.model import massless_directions
 from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.scene.text.yaml_document import LARGEST
+from alf_ros.simulation.start import started
+
+_LIGHT = 1e-4  # of the mean mass: a direction with less may have too little for a run
 
 # the formats that take no plane besides those of the file, with the reason
 WITHOUT_GROUND = {
@@ -131,17 +134,31 @@ def _written(robot: Robot, asked: Wishes, more: str = '') -> tuple[str, Scene]:
 
 
 def _without_mass(scene: Scene) -> list[str]:
-    """Bodies that move in a direction of the free motion in which nothing has mass, and the last
-    with their joints."""
+    """Bodies that move in a direction of the free motion in which nothing has mass, or so little
+    that no run starts; the last of them with their joints."""
     try:
         model = compile_model(scene.mechanism, scene.solver.penalty)
     except AssemblyError:
         return []
+    light = massless_directions.bodies(model, model.q, _LIGHT)
+    if not light:
+        return []
     found = massless_directions.bodies(model, model.q)
+    if not found and not _has_mass_enough(scene):
+        found = light
     joints = massless_directions.joints_of(model, found)
     if joints:
         found[-1] += f' (joints {", ".join(joints)})'
     return found
+
+
+def _has_mass_enough(scene: Scene) -> bool:
+    """Whether a run that starts finds mass in every free direction."""
+    try:
+        started(scene, scene.solver)
+    except AssemblyError as error:
+        return error.key != massless_directions.KEY
+    return True
 
 
 def format_of(path: Path) -> str:

@@ -111,7 +111,7 @@ MOTION = {
     'rotors of transmissions': 'the inertia of rotors is not counted: give it as `armature` of '
     'the motor, times the square of the reduction',
     'constants of motors': 'a command is the effort of the joint, not a current',
-    'limits of commands': 'efforts beyond them act too',
+    'limits of commands': 'commands beyond them act too',
     'limits of motors': 'they bound no effort that is sent to the joint: such efforts act beyond '
     'them too',
     'ranges of controls': 'they bound the control at the start only: targets that are sent later '
@@ -161,6 +161,7 @@ READING = {
     'zero of joints': 'here it is as drawn',
     'link of the world: there is none': 'it is the ground, as in Drake',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
+    'qpos of bodies': 'loops are closed with free bodies and balls there, as in a keyframe',
     'posture of bodies': 'joints are open as drawn; the bodies were moved to close them',
     'switched off in the file': 'not imported',
     'warnings of MuJoCo': '',

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import mjcf_posture, mjcf_tendons
 from alf_ros.exchange.mjcf_posture import MjcfCoupling, MjcfLoop
@@ -47,7 +48,25 @@ def close(
     ]
     stay = [n for n, name in enumerate(joints) if name in positions]
     couplings = list(_couplings(mujoco, data.model).values())
+    before = data.qpos.copy()
     mjcf_posture.close(robot, mujoco, data, loops, couplings, stay)
+    _tell_moved(robot, mujoco, data, joints, before)
+
+
+def _tell_moved(
+    robot: Robot, mujoco: Any, data: Any, joints: Sequence[str], before: Floats
+) -> None:
+    """Note where free bodies and balls are that are not where they were; of hinges and slides the
+    report gives the positions of all."""
+    model, kinds = data.model, mujoco.mjtJoint
+    for n, name in enumerate(joints):
+        first, is_free = int(model.jnt_qposadr[n]), model.jnt_type[n] == kinds.mjJNT_FREE
+        if not (is_free or model.jnt_type[n] == kinds.mjJNT_BALL):
+            continue
+        now = data.qpos[first : first + (7 if is_free else 4)]
+        if np.abs(now - before[first : first + now.size]).max() > _PHASE:
+            numbers = ' '.join(f'{x:.12g}' for x in now.round(12) + 0.0)
+            robot.leave('qpos of bodies', f'{name} at {numbers}')
 
 
 def add(

@@ -71,7 +71,8 @@ def closed(posture: OpenLoops, robot: Robot) -> Floats | None:
             'loops',
             f'{posture.loops} cannot be closed: all joints are held, and {open_by:.3g} m stay '
             'open',
-            expected='a joint of the loop that can move and is not in --set',
+            expected='a joint of the loop that can move and is not in --set, nor in `positions` '
+            'of a side file',
         )
     low, high = posture.limits()
     begin = np.clip(drawn, low, high)
@@ -88,10 +89,16 @@ def closed(posture: OpenLoops, robot: Robot) -> Floats | None:
             found.append((away, starts, x))
         starts += 1
     if not found:
+        free = np.full(drawn.size, np.inf)
+        closes = _settled(posture, drawn, -free, free)[1] <= _CLOSED * size
+        beyond = '; beyond the limits of the joints they close' if closes else ''
         raise robot.error(
             'loops',
-            f'{posture.loops} cannot be closed: {least:.3g} m stay open, from {starts} starts',
-            expected='positions near a posture, by --set JOINT=NUMBER',
+            f'{posture.loops} cannot be closed: {least:.3g} m stay open, from {starts} starts'
+            f'{beyond}',
+            expected='other limits'
+            if closes
+            else 'positions near a posture, by --set JOINT=NUMBER',
         )
     count = f'{len(found)} of {starts} starts close them'
     robot.leave('posture', f'{posture.loops} ({count}; the nearest posture is taken)')

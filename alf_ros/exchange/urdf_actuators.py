@@ -85,9 +85,8 @@ def leave(
                 robot.leave('velocities of joints', name)
         _leave_of_motors(robot, name, {each.get('name', '') for each in joint.findall('param')})
         for command in joint.findall('command_interface'):
-            limited = any(each.get('name') in _ENDS for each in command.findall('param'))
-            if limited and command.get('name') == 'effort':
-                robot.leave('limits of commands', name)
+            if any(each.get('name') in _ENDS for each in command.findall('param')):
+                robot.leave('limits of commands', f'{name} ({command.get("name")})')
     for transmission in (*xml.findall('transmission'), *xml.findall('ros2_control/transmission')):
         names = [joint.get('name', '') for joint in transmission.findall('joint')]
         counted = len(names) == 1 and names[0] in with_rotors

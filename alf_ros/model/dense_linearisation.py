@@ -94,8 +94,8 @@ class Linearised:
         return [int(r) for r in np.flatnonzero(np.linalg.norm(U, axis=1) > 1e-6)]
 
     @cached_property
-    def massless(self) -> Floats:
-        """(n, k) directions of the free motion in which nothing has mass."""
+    def _free_masses(self) -> tuple[Floats, Floats]:
+        """(k,) masses of free directions, ascending, and these directions (n, k)."""
         model, V = self.model, self.free
         MV = np.zeros_like(V)
         for column in range(V.shape[1]):
@@ -104,7 +104,18 @@ class Linearised:
             kernel.add_mass_times(model.unit, model.system.mass, 1.0, v, out)
             MV[:, column] = out
         masses, directions = np.linalg.eigh(V.T @ MV)
-        return np.asarray(V @ directions[:, masses < MASSLESS * model.system.mean])
+        return masses, np.asarray(V @ directions)
+
+    @cached_property
+    def massless(self) -> Floats:
+        """(n, k) directions of the free motion in which nothing has mass."""
+        return self.lighter_than(MASSLESS)
+
+    def lighter_than(self, part: float) -> Floats:
+        """(n, k) directions of the free motion with less than this part of the mean mass, the
+        lightest first."""
+        masses, directions = self._free_masses
+        return np.asarray(directions[:, masses < part * self.model.system.mean])
 
     def across(self, gaps: Floats, rank: int) -> Floats:
         """(rank, k) displacements across the free motion that open gaps (rows, k) of the `rank`

@@ -139,6 +139,30 @@ def test_what_no_inertia_holds_is_named(tmp_path: Path) -> None:
     assert 'or a rotor on one (`armature` of a motor)' in message
 
 
+@pytest.mark.parametrize('moment', [1e-12, 1e-11])
+def test_inertia_that_rounding_hides_is_named_too(moment: float, tmp_path: Path) -> None:
+    """A run does not start with so little, although it is not zero: the report, the reason at the
+    solver and the error name the same bodies and joints."""
+    point = robots.link('head', (0.1, 0.0, 0.2), 1.0, (0.0,) * 6)
+    light = robots.link('head', (0.1, 0.0, 0.2), 1.0, (moment,) * 3 + (0.0,) * 3)
+    text = imported(saved(tmp_path, 'it.urdf', neck().replace(point, light)), scene=True)
+    assert told(text, 'no mass in a free direction').endswith(': b, head (joints roll, yaw)')
+    named = 'hardly any mass and no constraint: bodies b, head, joints roll, yaw'
+    assert named in ' '.join(text.replace('\n#', '').split())
+    with pytest.raises(AssemblyError, match=named):
+        Simulation(scene_from_text(text))
+
+
+def test_light_parts_that_run_are_not_listed(tmp_path: Path) -> None:
+    point = robots.link('head', (0.1, 0.0, 0.2), 1.0, (0.0,) * 6)
+    light = robots.link('head', (0.1, 0.0, 0.2), 1.0, (1e-9,) * 3 + (0.0,) * 3)
+    text = imported(saved(tmp_path, 'it.urdf', neck().replace(point, light)), scene=True)
+    assert not told(text, 'no mass in a free direction')
+    simulation = Simulation(scene_from_text(text))
+    simulation.step(5)
+    assert simulation.sample().diagnostics.position_violation < 1e-12
+
+
 @pytest.mark.parametrize('joint', ['roll', 'yaw'])
 @pytest.mark.parametrize('cure', ['inertia', 'fixed', 'rotor'])
 def test_each_cure_that_the_message_names_lets_it_run(

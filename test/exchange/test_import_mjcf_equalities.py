@@ -78,6 +78,39 @@ def test_an_anchor_that_is_elsewhere_moves_the_bodies_there(tmp_path: Path) -> N
         imported(saved(tmp_path, 'it.xml', fixed), positions={'pin': 0.2})
 
 
+def test_bodies_that_closing_moves_are_told(tmp_path: Path) -> None:
+    """A keyframe with the numbers of the report is closed as drawn. Bodies that stay are not
+    told."""
+    source = two_bodies('anchor="0.1 0 0" relpose="0.3 0.1 0 0.9 0.2 0 0"')
+    lines = imported(saved(tmp_path, 'it.xml', source)).splitlines()
+    found = next(line for line in lines if line.startswith('#   qpos of bodies: '))
+    name, numbers = found.rsplit(': ', 1)[1].split(' at ')
+    assert name == 'free' and len(numbers.split()) == 7
+    angles = [line for line in lines if line.startswith('#   zero of joints: ')]
+    pin = float(angles[0].rsplit(' at ', 1)[1]) if angles else 0.0
+    key = f'<keyframe><key qpos="{pin!r} {numbers}"/></keyframe></mujoco>'
+    again = imported(
+        saved(tmp_path, 'it.xml', source.replace('</mujoco>', key)), key='0', scene=True
+    )
+    assert 'posture: ' not in again and 'qpos of bodies' not in again
+    assert simulate(again).sample().diagnostics.position_violation < 1e-12
+
+
+def test_couplings_that_only_limits_keep_open_are_refused_with_this_reason(tmp_path: Path) -> None:
+    """Both give b = 1 - a and b = a: a = b = 0.5, beyond the limit 0.4 of b. The gap is least
+    where both are off by 0.1 of a: a = 0.5, b = 0.4."""
+    part = '<body><joint name="{}" axis="0 1 0" {}/><geom size="0.1" pos="0.2 0 0"/></body>'
+    limited = part.format('b', 'limited="true" range="-1 0.4"')
+    source = f"""<mujoco><compiler angle="radian"/><worldbody>{part.format('a', '')}{limited}
+</worldbody><equality><joint name="one" joint1="b" joint2="a" polycoef="1 -1 0 0 0"/>
+<joint name="two" joint1="b" joint2="a" polycoef="0 1 0 0 0"/></equality></mujoco>"""
+    message = 'one, two cannot be closed: .* beyond the limits of the joints they close; expected'
+    with pytest.raises(InputError, match=message):
+        imported(saved(tmp_path, 'it.xml', source))
+    wider = imported(saved(tmp_path, 'it.xml', source.replace('1 0.4"', '1 0.6"')))
+    assert 'a at 0.5, b at 0.5' in wider
+
+
 def test_an_equality_inside_one_body_holds_nothing(tmp_path: Path) -> None:
     """As in MuJoCo: of two bodies of the ground, and of bodies that are fixed to each other."""
     source = """<mujoco><worldbody><body name="post"><geom size="0.1"/></body>

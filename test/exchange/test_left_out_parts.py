@@ -229,7 +229,14 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{ROTORS}: j'),
         ('a.urdf', URDF.replace('MORE', controlled('<command_interface name="effort">'
          '<param name="max">1</param></command_interface>')),
-         'limits of commands: efforts beyond them act too: j'),
+         'limits of commands: commands beyond them act too: j (effort)'),
+        ('a.urdf', URDF.replace('MORE', controlled('<command_interface name="position">'
+         '<param name="min">-0.5</param></command_interface>')),
+         'limits of commands: commands beyond them act too: j (position)'),
+        ('a.urdf', URDF.replace('MORE', controlled('<command_interface name="velocity">'
+         '<param name="max">2</param></command_interface><command_interface name="effort">'
+         '<param name="min">-2</param><param name="max">2</param></command_interface>')),
+         'limits of commands: commands beyond them act too: j (velocity), j (effort)'),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
             LIMIT, '<mimic joint="k"/>'), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace(LIMIT, LIMIT + '<mimic joint="k"/>').replace('MORE', PLANE),

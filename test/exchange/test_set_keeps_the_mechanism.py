@@ -125,7 +125,7 @@ def test_positions_of_a_side_file_make_way_for_those_that_are_set(tmp_path: Path
     everything = SET | {'knee': 0.0, 'rocker_pin': 0.0}
     with pytest.raises(InputError, match='wrist cannot be closed: all joints are held') as caught:
         imported(source, loops=side, positions=everything)
-    assert 'is not in --set' in str(caught.value)
+    assert 'is not in --set, nor in `positions` of a side file' in str(caught.value)
 
 
 SLIDES = {
