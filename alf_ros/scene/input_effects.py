@@ -10,6 +10,8 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from alf_ros import effects
+from alf_ros.effects.contract import EFFORT, WRENCH
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
@@ -33,19 +35,19 @@ class InputEffect(NamedTuple):
 
     def is_in(self, root: Entry) -> bool:
         """Whether a scene has it."""
-        effects = root.mapping().get('effects')
-        kind = None if effects is None else effects.mapping().get(self.kind)
+        section = root.mapping().get('effects')
+        kind = None if section is None else section.mapping().get(self.kind)
         return kind is not None and self.name in kind.mapping()
 
     def added_to(self, root: Entry, source: str) -> Entry:
         """The scene with it; errors say the source."""
         fields = root.mapping()
-        effects = fields.get('effects', Entry({}))
-        kinds = effects.mapping()
+        section = fields.get('effects', Entry({}))
+        kinds = section.mapping()
         kind = kinds.get(self.kind, Entry({}))
         own = yaml_document.parse(f'value: {self.text}', source).mapping()['value']
         changed = kind.having({**kind.mapping(), self.name: own})
-        return root.having({**fields, 'effects': effects.having({**kinds, self.kind: changed})})
+        return root.having({**fields, 'effects': section.having({**kinds, self.kind: changed})})
 
 
 def input_effect(name: str, root: Entry) -> InputEffect | None:
@@ -54,7 +56,7 @@ def input_effect(name: str, root: Entry) -> InputEffect | None:
     if effort is not None:
         joint = effort[1]
         text = f'{{joint: {joint}, effort: 0}}'
-        return InputEffect('joint_effort', f'{joint}_effort', text, ('effort',))
+        return InputEffect(effects.ROLES[EFFORT], f'{joint}_effort', text, ('effort',))
     if wrench is None:
         return None
     space = root.mapping()['mechanism'].mapping().get('space')
@@ -66,4 +68,4 @@ def input_effect(name: str, root: Entry) -> InputEffect | None:
         rest = ('torque',) if about is None else ('torque', str('xyz'.index(about)))
     turning = '0' if zero == '[0, 0]' else zero
     parts = f'force: {zero}' if force is not None else f'torque: {turning}'
-    return InputEffect('constant_wrench', f'{on}_{rest[0]}', f'{{on: {on}, {parts}}}', rest)
+    return InputEffect(effects.ROLES[WRENCH], f'{on}_{rest[0]}', f'{{on: {on}, {parts}}}', rest)
