@@ -62,8 +62,7 @@ class InputPlaces:
         return self._known[1]
 
     def check_steps(self, first: int, last: int, key: str) -> None:
-        """Raises InputError, which says `key`, for a parameter that acts in none of the steps of a
-        run."""
+        """Raises InputError, which says `key`, for a parameter that acts in no step of a run."""
         for k, of in self._inputs.items():
             begins, ends = self._steps[k]
             if begins >= last or ends <= first:

@@ -268,7 +268,7 @@ def test_a_mean_of_what_the_input_is_part_of() -> None:
 
 @pytest.mark.parametrize('steps', ['[200:300]', '[200:]', '[:10]'])
 def test_steps_outside_of_the_run_are_refused(steps: str) -> None:
-    """No derivative of zero for what is never added."""
+    """No derivative of zero for a number that is never added."""
     simulation = Simulation(load_scene(CRANK))
     simulation.step(10)
     with pytest.raises(InputError, match=r'acts in no step of the run.*within \[10:110\]'):
