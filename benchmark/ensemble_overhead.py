@@ -3,8 +3,8 @@
     .venv/bin/python benchmark/ensemble_overhead.py [--chunks N] [--chunk N] [--rounds N]
 
 Slider-cranks of ten seconds in chunks of the size that a million of them have by default (another
-size: --chunk; the results have chunks of 256), with a store: in one process, with processes of
-this machine, and with workers of a Dask cluster, whose scheduler is in the process of the client.
+size: --chunk), with a store: in one process, with processes of this machine, and with workers of a
+Dask cluster, whose scheduler is in the process of the client.
 The first fifth of the chunks, which has the start, and the last ones, in which one worker may wait
 for the other, are not counted. All are measured by turns; numbers are medians.
 
@@ -14,7 +14,8 @@ store, and of the client and the scheduler. These parts hold beside other progra
 second do not. Two workers on two processors are `of twice` one by the clock. `by processor time`
 is the same without waits: the time of a member with one worker, over that with two. Its part
 `members alone` is how much the machine gives two processes that compute at once, as they share a
-cache and a clock. Results: benchmark/results/ensemble_overhead.csv.
+cache and a clock. `idle`: what the cluster takes of the processors of its workers while it has
+nothing to do. Results: benchmark/results/ensemble_overhead.csv.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ from alf_ros.studies.ensemble.study_reading import study_of
 
 CASES = (('this process', 1), ('processes', 1), ('processes', 2), ('cluster', 1), ('cluster', 2))
 _END = 2  # chunks of each worker that are not counted
+_SETTLING, _IDLE = 3.0, 5.0  # s behind the start of a cluster, and of looking at it
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,22 @@ def crew_of(kind: str, workers: int) -> Iterator[Crew]:
             yield Cluster(found.scheduler_address, run=measured_chunk)
     else:
         yield Processes(workers, run=measured_chunk) if kind == 'processes' else _Here()
+
+
+def idle() -> float:
+    """Processor time of this process and its children, over the time by the clock."""
+    import psutil  # distributed needs it too
+
+    here = psutil.Process()
+    every = [here, *here.children(recursive=True)]
+
+    def spent() -> float:
+        return sum(sum(each.cpu_times()[:2]) for each in every)
+
+    time.sleep(_SETTLING)
+    begin = spent()
+    time.sleep(_IDLE)
+    return (spent() - begin) / _IDLE
 
 
 def cost(crew: Crew, study: Study, workers: int) -> Cost:
@@ -145,9 +163,12 @@ def main() -> None:
     size = options.chunk or many.chunk
     study = replace(many, chunk=size, members=options.chunks * size)
     costs: dict[tuple[str, int], list[Cost]] = {case: [] for case in CASES}
+    idles: dict[int, list[float]] = {1: [], 2: []}  # of a cluster, by its workers
     for _ in range(options.rounds):
         for kind, workers in CASES:
             with crew_of(kind, workers) as crew:
+                if kind == 'cluster':
+                    idles[workers].append(idle() / workers)
                 costs[kind, workers].append(cost(crew, study, workers))
     found = []
     for (kind, workers), each in costs.items():
@@ -159,6 +180,8 @@ def main() -> None:
         }
         for n, part in enumerate(('members', 'workers', 'store', 'client')):
             cells[f'{part}_percent'] = f'{100.0 * median(one[n] for one in parts):.2f}'
+        is_cluster = kind == 'cluster'
+        cells['idle_percent'] = f'{100.0 * median(idles[workers]):.2f}' if is_cluster else '-'
         cells['members_per_s'] = f'{1.0 / median(one.clock for one in each):.4g}'
         twice = ['-'] * 3
         if workers == 2:  # each beside the run with one worker of the same round

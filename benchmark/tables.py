@@ -263,7 +263,7 @@ def ensemble_overhead() -> str:
     """The parts of the processor time of an ensemble, with one worker and with two."""
     about, found = rows('ensemble_overhead.csv')
     head = 'crew | workers | a member, ms of processor | members, % | workers besides, % '
-    head += '| store, % | client and scheduler, % | members/s '
+    head += '| store, % | client and scheduler, % | idle cluster, % | members/s '
     head += '| of twice, by the clock | by processor time | members alone'
     return markdown(about, head, [list(row.values()) for row in found])
 

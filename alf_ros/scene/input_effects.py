@@ -8,6 +8,8 @@ them. Changed by these names, it gets an effect in their place: `knee_effort`, a
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from itertools import chain, count
 from typing import NamedTuple
 
 from alf_ros import effects
@@ -35,9 +37,7 @@ class InputEffect(NamedTuple):
 
     def is_in(self, root: Entry) -> bool:
         """Whether a scene has it."""
-        section = root.mapping().get('effects')
-        kind = None if section is None else section.mapping().get(self.kind)
-        return kind is not None and self.name in kind.mapping()
+        return self.name in _named(root, self.kind)
 
     def added_to(self, root: Entry, source: str) -> Entry:
         """The scene with it; errors say the source."""
@@ -54,18 +54,43 @@ def input_effect(name: str, root: Entry) -> InputEffect | None:
     """The effect in place of the input of a name; None for another name."""
     effort, wrench = _EFFORT.fullmatch(name), _WRENCH.fullmatch(name)
     if effort is not None:
-        joint = effort[1]
-        text = f'{{joint: {joint}, effort: 0}}'
-        return InputEffect(effects.ROLES[EFFORT], f'{joint}_effort', text, ('effort',))
+        return _effect(root, effects.ROLES[EFFORT], {'joint': effort[1], 'effort': '0'}, ())
     if wrench is None:
         return None
     space = root.mapping()['mechanism'].mapping().get('space')
+    is_spatial = space is not None and space.value == 'spatial'
     on, force, _, about = wrench.groups()
-    zero = '[0, 0, 0]' if space is not None and space.value == 'spatial' else '[0, 0]'
-    if force is not None:
-        rest: tuple[str, ...] = ('force', str('xyz'.index(force)))
-    else:
-        rest = ('torque',) if about is None else ('torque', str('xyz'.index(about)))
-    turning = '0' if zero == '[0, 0]' else zero
-    parts = f'force: {zero}' if force is not None else f'torque: {turning}'
-    return InputEffect(effects.ROLES[WRENCH], f'{on}_{rest[0]}', f'{{on: {on}, {parts}}}', rest)
+    axis = force or about
+    what = 'torque' if force is None else 'force'
+    zero = '[0, 0, 0]' if is_spatial else '[0, 0]' if what == 'force' else '0'
+    rest = () if axis is None else (str('xyz'.index(axis)),)
+    return _effect(root, effects.ROLES[WRENCH], {'on': on, what: zero}, rest)
+
+
+def _effect(
+    root: Entry, kind: str, given: Mapping[str, str], rest: tuple[str, ...]
+) -> InputEffect:
+    """An effect of these fields: where it acts, and its value. Its name is free, or the one of an
+    effect with the same fields there, as of an input that was changed before."""
+    (where, at), (what, _) = given.items()
+    base, own = f'{at}_{what}', _named(root, kind)
+    taken = {name for each in _kinds(root) for name in _named(root, each)}
+    for name in chain([base], (f'{base}_{n}' for n in count(2))):
+        fields = own[name].mapping() if name in own else {}
+        made = fields.keys() == given.keys() and fields[where].value == at
+        if made or name not in taken:
+            break
+    text = ', '.join(f'{key}: {value}' for key, value in given.items())
+    return InputEffect(kind, name, f'{{{text}}}', (what, *rest))
+
+
+def _kinds(root: Entry) -> Mapping[str, Entry]:
+    section = root.mapping().get('effects')
+    return {} if section is None else section.mapping()
+
+
+def _named(root: Entry, kind: str) -> Mapping[str, Entry]:
+    """The effects of a kind that have names."""
+    entry = _kinds(root).get(kind)
+    named = entry.mapping() if entry is not None and isinstance(entry.value, dict) else {}
+    return {name: each for name, each in named.items() if isinstance(each.value, dict)}

@@ -267,10 +267,10 @@ def _refuse_input(root: Entry, name: str, said: str) -> None:
         effect = f'constant_wrench: {{push: {{on: {rest.partition(".")[0]}, force: …}}}}'
         number = 'push.force.0'
     elif name.endswith('.effort') and (first == 'joints' or name[:-7] in joints):
-        joint = rest[:-7] if first == 'joints' else name[:-7]
         if first != 'joints':
-            expected = f'joints.{joint}.effort'
+            expected = f'joints.{name}'
             raise InputError('nothing of this name', key=said, value=name, expected=expected)
+        joint = rest[:-7]
         effect, number = f'joint_effort: {{push: {{joint: {joint}, effort: 0}}}}', 'push.effort'
     else:
         return

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from alf_ros import effects as registry
 from alf_ros.arrays import Floats
-from alf_ros.effects.contract import EFFORT, EFFORT_OVER_TIME, WRENCH, Effect
-from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.effects.contract import Effect
 from alf_ros.kernel import Axes, Bearings, Effects, Forces, Ledger
-from alf_ros.mechanism import Coordinate
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model
 from alf_ros.model.effect_directions import Direction
 from alf_ros.model.struct_memory import changed
+from alf_ros.simulation.held_inputs import Held, InputPlace, Multiple, held_input
+from alf_ros.simulation.input_values import Inputs, Target
 from alf_ros.simulation.joint_efforts import axes_of
 from alf_ros.simulation.kink_search import kinks, kinks_of_drives
 from alf_ros.simulation.packed_effects import (
@@ -35,41 +35,6 @@ from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.work_ledger import INPUTS, ledger
 
 
-@dataclass(frozen=True)
-class Wrench:
-    """A force (N) and a torque (N m; in the plane about +z), held on a body or point.
-
-    `at` names a point of the body (default: its centre of mass); `frame` is 'world' or 'body'.
-    """
-
-    force: tuple[float, ...]
-    torque: float | tuple[float, ...] = 0.0
-    at: str | None = None
-    frame: str = 'world'
-
-
-@dataclass(frozen=True)
-class Target:
-    """Target of the motor on a joint, or of a tendon, in place of the target in the scene: x* (rad
-    or m), and ẋ* (rad/s or m/s) if not the slope of x*."""
-
-    position: float | Curve | None = None
-    velocity: float | None = None
-
-
-@dataclass(frozen=True)
-class Inputs:
-    """All that is held from outside: wrenches by body or point, efforts (N m or N) by joint, and
-    targets of motors by joint, of tendons by their names."""
-
-    wrenches: Mapping[str, Wrench]
-    efforts: Mapping[str, float | Curve]
-    targets: Mapping[str, Target] = field(default_factory=dict)
-
-
-NO_INPUTS = Inputs({}, {})
-
-
 class Part(NamedTuple):
     """A part of the effects, packed, and the indices of their loads (`Applied.loads`)."""
 
@@ -82,50 +47,6 @@ class OnAxes(NamedTuple):
 
     axes: Axes
     part: Part
-
-
-class _Held:
-    """An effect from outside, packed once for each layout that asks, whatever else is held."""
-
-    def __init__(self, what: Wrench | float | Curve, effect: Effect) -> None:
-        self.what = what
-        self._effect = effect
-        self._kinds: list[tuple[Layout, list[PackedKind]]] = []
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Without the addresses of compiled code, which belong to this process."""
-        return _Held, (self.what, self._effect)
-
-    def kinds(self, layout: Layout) -> list[PackedKind]:
-        return once(self._kinds, (self._effect,), layout)
-
-
-class _Multiple:
-    """The data of 1 times a number: of a steady effort, which is packed once however often it
-    changes, or of a place."""
-
-    def __init__(self, what: float, one: _Held) -> None:
-        self.what, self.one = what, one
-
-    def kinds(self, layout: Layout) -> list[PackedKind]:
-        return [_times(self.what, kind) for kind in self.one.kinds(layout)]
-
-
-def _times(effort: float, kind: PackedKind) -> PackedKind:
-    with np.errstate(over='ignore'):  # a step with it fails, and says so
-        params = effort * kind.packed.params
-    return replace(kind, packed=replace(kind.packed, params=params))
-
-
-Held: TypeAlias = _Held | _Multiple
-
-
-class InputPlace(NamedTuple):
-    """A place among the forces, without a force: data of an input that is zero. slope: of the data
-    by the input, in the layout of the run."""
-
-    held: Held
-    slope: Floats
 
 
 class _Scene:
@@ -244,6 +165,7 @@ class Applied:
         """
         self.inputs = inputs
         self._model, self._given, self._reactions = model, effects, reactions
+        self._places = tuple(places)
         self._weights, self._asked = weights, asked
         self._scene: _Scene
         if before is not None and before.inputs.targets == inputs.targets:
@@ -262,13 +184,13 @@ class Applied:
             assembled = vars(before).get('assembled')
             self._known = before._known if assembled is None else (assembled, before._held)
         for key, what in {**wanted, **efforts}.items():
-            self._held[key] = _held(model, key[1], what, known.get(key))
+            self._held[key] = held_input(model, key[1], what, known.get(key))
         self._held.update((('place', str(n)), each.held) for n, each in enumerate(places))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """State without the addresses of compiled code, which belong to this process."""
         given = self._given, self.inputs, self._reactions, self._weights, self._asked
-        return Applied, (self._model, *given)
+        return Applied, (self._model, *given, None, self._places)
 
     def holding(self, inputs: Inputs, places: Sequence[InputPlace] = ()) -> Applied:
         """The same effects with other inputs."""
@@ -312,7 +234,7 @@ class Applied:
         for n, (was, now) in enumerate(zip(held.values(), self._held.values(), strict=True)):
             if now is was:
                 continue
-            if not isinstance(now, _Multiple) or not isinstance(was, _Multiple):
+            if not isinstance(now, Multiple) or not isinstance(was, Multiple):
                 return None
             (kind,), at = now.kinds(layout), int(effects.params_at[first + n])
             params[at : at + kind.packed.params.size] = kind.packed.params
@@ -394,66 +316,6 @@ class Applied:
 @cache
 def _no_ledger() -> Ledger:
     return Ledger.empty()
-
-
-def _held(
-    model: Model,
-    name: str,
-    what: Wrench | float | Curve,
-    before: Held | None = None,
-) -> Held:
-    """The held command on a body, point or joint, as an effect; `before`: the command there
-    until now."""
-    if before is not None and before.what == what:
-        return before
-    if isinstance(what, Wrench):
-        return _Held(what, registry.held(WRENCH, name, what))
-    coordinate = model.coordinates[model.coordinate_names.index(name)]
-    role = EFFORT_OVER_TIME if isinstance(what, Curve) else _steady(coordinate)
-    if role != EFFORT or isinstance(what, Curve):
-        return _Held(what, registry.held(role, name, what))
-    one = before.one if isinstance(before, _Multiple) else None
-    return _Multiple(what, one or _Held(1.0, registry.held(EFFORT, name, 1.0)))
-
-
-def place_of(model: Model, one: Inputs) -> InputPlace:
-    """The place of an input; one: a single wrench or effort, which is 1."""
-    name, what = next(item for of in (one.wrenches, one.efforts) for item in of.items())
-    held = _held(model, name, what)
-    slope, layout = _data(held, model.layout), model.layout
-    if isinstance(held, _Multiple):
-        return InputPlace(_Multiple(0.0, held.one), slope)
-    if isinstance(what, Wrench):
-        return InputPlace(_Multiple(0.0, held), slope)
-    none = _held(model, name, 0.0)
-    assert isinstance(none, _Held)
-    data = _data(none, layout)
-    with np.errstate(invalid='ignore'):  # no limit is an infinite one
-        return InputPlace(none, np.where(slope == data, 0.0, slope - data))
-
-
-def _data(held: Held, layout: Layout) -> Floats:
-    return np.concatenate([kind.packed.params for kind in held.kinds(layout)])
-
-
-def one_by_one(model: Model, each: Sequence[Inputs]) -> Effects:
-    """Inputs of a single wrench or effort, packed as an effect each, in their order."""
-    held = [
-        item for inputs in each for item in (*inputs.wrenches.items(), *inputs.efforts.items())
-    ]
-    kinds = [_held(model, name, what).kinds(model.layout) for name, what in held]
-    return listed([kind for group in kinds for kind in group])
-
-
-def from_outside(model: Model) -> set[str]:
-    """The effects that wrenches and steady efforts on this mechanism are packed as."""
-    roles = {WRENCH, *(_steady(each) for each in model.coordinates)}
-    return {registry.ROLES[role] for role in roles}
-
-
-def _steady(coordinate: Coordinate) -> str:
-    """The role that packs a steady effort."""
-    return EFFORT if coordinate.freedom.alone else EFFORT_OVER_TIME
 
 
 def _aimed(effect: Effect, targets: Mapping[str, Target], coordinates: Sequence[str]) -> Effect:

@@ -18,8 +18,8 @@ from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.scene.scene import Scene, Solver
-from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.differences import OFFSETS
+from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.state import State
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model
-from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.input_places import InputPlaces
 from alf_ros.simulation.input_slopes import Slopes
+from alf_ros.simulation.input_values import Inputs
 
 
 class EffectSlopes:

@@ -19,7 +19,7 @@ from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND
 from alf_ros.model.compile import Model
-from alf_ros.simulation.applied import Inputs, Target, Wrench
+from alf_ros.simulation.input_values import Inputs, Target, Wrench
 from alf_ros.simulation.state import State
 
 MOST_SAMPLES = 10_000_000  # of one run whose instants are listed before it begins

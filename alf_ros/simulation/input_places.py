@@ -15,8 +15,11 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.model.compile import Model
-from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs, place_of
+from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.held_inputs import place_of
+from alf_ros.simulation.input_checks import MOST_STEPS
 from alf_ros.simulation.input_slopes import InputSlopes, Slopes
+from alf_ros.simulation.input_values import NO_INPUTS, Inputs
 
 
 class InputPlaces:
@@ -31,10 +34,10 @@ class InputPlaces:
         self._targets = [s.input for s in found.values() if s.is_target]
         pushing = [s.input for s in found.values() if not s.is_target]
         self._places = {s.name: place_of(model, s.added(NO_INPUTS, 1.0)) for s in pushing}
-        self._steps = np.tile([0.0, np.inf], (len(slopes), 1))  # in which a parameter acts
+        self._steps = np.tile([0, MOST_STEPS], (len(slopes), 1))  # in which a parameter acts
         for k, of in self._inputs.items():
-            self._steps[k] = of.first, np.inf if of.end is None else of.end
-        self._changes = np.unique(self._steps[np.isfinite(self._steps)]).astype(int)
+            self._steps[k] = of.first, of.end
+        self._changes = np.unique(self._steps)
         sizes = [each.slope.size for each in self._places.values()]
         self.slopes = np.zeros((len(slopes), sum(sizes)))
         ends = dict(zip(self._places, np.cumsum(sizes), strict=True))
@@ -63,9 +66,8 @@ class InputPlaces:
 
     def check_steps(self, first: int, last: int, key: str) -> None:
         """Raises InputError, which says `key`, for a parameter that acts in no step of a run."""
-        for k, of in self._inputs.items():
-            begins, ends = self._steps[k]
-            if begins >= last or ends <= first:
+        for of in self._inputs.values():
+            if of.first >= last or of.end <= first:
                 raise InputError(
                     'acts in no step of the run',
                     key=key,

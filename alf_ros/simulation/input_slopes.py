@@ -14,16 +14,17 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.model.compile import Model
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.applied import NO_INPUTS, Inputs
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.input_values import NO_INPUTS, Inputs
 from alf_ros.simulation.named_inputs import named_inputs
-from alf_ros.simulation.neighbour import ARRAYS, Neighbour
+from alf_ros.simulation.neighbour import Neighbour
 from alf_ros.simulation.parameter_slopes import ParameterSlopes
 from alf_ros.simulation.state_direction import StateDirection
+from alf_ros.simulation.still_scene import StillScene
 
-_NAME = re.compile(r'((?:joints|wrenches|targets)\..*?)(?:\[(\d*):(\d*)\])?')
+_NAME = re.compile(r'((?:joints|wrenches|targets)\..*?)(?:\[([0-9]{0,16}):([0-9]{0,16})\])?')
 _LINEAR = 1e-12  # of the size of a number, by which data that are linear in it may be off
 
 
@@ -38,32 +39,28 @@ def is_input(name: str, scene: Scene) -> bool:
     return False
 
 
-class InputSlopes:
-    """Has the form of `ParameterSlopes`, with all slopes of the scene `here` zero.
+class InputSlopes(StillScene):
+    """The slopes by an input. It acts from step `first` to before step `end`.
 
-    Raises InputError for an unknown input, and for one whose forces are not linear in it.
+    Raises InputError for an unknown input, for steps that cannot be, and for an input whose forces
+    are not linear in it.
     """
 
-    value = 0.0
-
     def __init__(self, name: str, here: Neighbour) -> None:
+        super().__init__(name, here)
         found = _NAME.fullmatch(name)
         assert found is not None
-        self.name, self._here = name, here
         (self.input,) = named_inputs(here.start.model, here.scene.effects, [found[1]], 'tangents')
         if self.input.name != found[1]:
             raise InputError(
                 'not the whole name', key='tangents', value=found[1], expected=self.input.name
             )
         self.first = int(found[2] or 0)
-        self.end = int(found[3]) if found[3] else None  # the step it does not act in any more
-        if self.end is not None and self.end <= self.first:
+        self.end = int(found[3]) if found[3] else check.MOST_STEPS
+        if not self.first < self.end <= check.MOST_STEPS:
             raise InputError(
                 'no steps', key='tangents', value=name, expected=f'{found[1]}[100:200]'
             )
-        self.arrays = {
-            key: np.zeros_like(each) for key, each in zip(ARRAYS, here.arrays(), strict=True)
-        }
         if self.is_target:
             self.params(NO_INPUTS)  # refused here, not at the first step
 
@@ -72,10 +69,10 @@ class InputSlopes:
         """Whether it changes what an effect of the scene follows, and adds no force of its own."""
         return self.input.name.startswith('targets.')
 
-    def params(self, inputs: Inputs) -> Floats:
+    def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
         """The slope of the data of the effects, with inputs held; without places."""
         if not self.is_target:
-            return np.zeros_like(self._here.effects(inputs).params)
+            return super().params(inputs)
 
         def data(value: float) -> Floats:
             return self._here.effects(self.input.added(inputs, value)).params
@@ -92,21 +89,6 @@ class InputSlopes:
         if (np.abs(change + 2.0 * next_one) > _LINEAR * np.abs(step + np.abs(here))).any():
             raise InputError('no tangent: its forces are not linear in it', key=self.name)
         return np.asarray(change / (2.0 * step))
-
-    def by_effort(self, joint: str) -> Floats:
-        """Zero, as many as the data of an effort on a joint has numbers."""
-        return np.zeros_like(self._here.effort(joint))
-
-    changes_drives = False
-    acts = True
-
-    def placed(self, model: Model, t: float) -> tuple[Floats, Floats]:
-        """Zero: no block is placed by it."""
-        return np.zeros(model.q.size), np.zeros(model.q.size)
-
-    def opening(self, model: Model, q: Floats, t: float) -> Floats:
-        """(rows,) zero: no row changes."""
-        return np.zeros(model.system.rows.alpha.size)
 
 
 Slopes: TypeAlias = ParameterSlopes | StateDirection | InputSlopes

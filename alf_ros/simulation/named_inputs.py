@@ -22,8 +22,8 @@ from alf_ros.effects.contract import Effect
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.model.compile import Model
-from alf_ros.simulation.applied import Inputs, Target, Wrench
 from alf_ros.simulation.full_names import full_name
+from alf_ros.simulation.input_values import Inputs, Target, Wrench
 
 
 @dataclass(frozen=True)

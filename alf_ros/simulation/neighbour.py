@@ -14,7 +14,8 @@ from alf_ros.effects.contract import Effect
 from alf_ros.kernel import Effects
 from alf_ros.model.prescribed import prescribe, program_apart
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs
+from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.input_values import NO_INPUTS, Inputs
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import Start
 

@@ -29,7 +29,7 @@ from alf_ros.mechanism.orientation import orientation
 from alf_ros.model.compile import Model
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation.applied import NO_INPUTS, Inputs
+from alf_ros.simulation.input_values import NO_INPUTS, Inputs
 from alf_ros.simulation.neighbour import ARRAYS, MASSES, SHAPES, Neighbour
 from alf_ros.simulation.start import started
 

@@ -11,9 +11,9 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.displaced_scenes import DisplacedScenes, Middle
 from alf_ros.simulation.input_slopes import InputSlopes, Slopes
+from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.named_inputs import NamedInput
 from alf_ros.simulation.named_quantity import named_quantity, slope_along
 from alf_ros.simulation.named_values import read_only

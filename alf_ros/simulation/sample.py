@@ -22,8 +22,9 @@ from alf_ros.model.constraints import couplings, rotors
 from alf_ros.model.constraints.drives import effort
 from alf_ros.model.null_spaces import dependent_rows
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation.applied import Applied, Inputs
+from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.dynamics import Dynamics
+from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.kept import kept
 from alf_ros.simulation.named_values import NamedValues, read_only

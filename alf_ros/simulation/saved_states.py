@@ -16,9 +16,9 @@ from alf_ros import paths
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.applied import Inputs, Target, Wrench
 from alf_ros.simulation.formulations import check_going_on
 from alf_ros.simulation.input_checks import MOST_STEPS, is_number
+from alf_ros.simulation.input_values import Inputs, Target, Wrench
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 

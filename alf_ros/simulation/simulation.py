@@ -22,9 +22,10 @@ from alf_ros.scene.scene import Scene, Solver, joined
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.adjoint_following import AdjointFollowing
-from alf_ros.simulation.applied import NO_INPUTS, Applied, Target
+from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.formulations import Formulation
+from alf_ros.simulation.input_values import NO_INPUTS, Target
 from alf_ros.simulation.lasting_tangents import LastingTangents
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.parameter_slopes import AnotherFormError

@@ -9,10 +9,10 @@ from scipy.sparse import csr_array
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.model.compile import Model
-from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.effect_slopes import EffectSlopes
 from alf_ros.simulation.input_places import InputPlaces
 from alf_ros.simulation.input_slopes import Slopes
+from alf_ros.simulation.input_values import Inputs
 
 
 def _matrix(rows: Sequence[Floats]) -> csr_array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.simulation.applied import Inputs
+from alf_ros.simulation.input_values import Inputs
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model
-from alf_ros.simulation.applied import Inputs
+from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.state import State
 
 

@@ -14,8 +14,9 @@ from alf_ros.errors import InputError
 from alf_ros.kernel import Phase, Status, Watch
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation import input_checks as check
-from alf_ros.simulation.applied import Applied, Inputs
+from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.between import Between
+from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.lasting_tangents import LastingTangents
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.sample import Sample

@@ -28,10 +28,11 @@ from alf_ros.model.singular_branches import Branch
 from alf_ros.model.struct_memory import changed
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation.applied import NO_INPUTS, Applied
+from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.drive_jumps import DriveJump, DriveJumps
 from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.formulations import Formulation
+from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.missed_positions import MissedPositions

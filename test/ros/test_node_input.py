@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from alf_ros import Simulation, load_scene
 from alf_ros.ros.simulator.inputs import CommandSubscriber
-from alf_ros.simulation.applied import Target
+from alf_ros.simulation.input_values import Target
 from support.journal_run import repeat
 from support.ros_node import Diagnostics, Peer, SimulatorProcess, journal, read_log, wrench
 

@@ -310,7 +310,11 @@ def test_efforts_of_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         ('joints.crank_pin.torque', 'no such quantity'),
         ('crank_pin.effort', 'expected joints.crank_pin.effort'),
         (f'{EFFORT}[20:20]', f'expected {EFFORT}[100:200]'),
+        (f'{EFFORT}[0:0]', f'expected {EFFORT}[100:200]'),
+        (f'{EFFORT}[9007199254740992:]', f'expected {EFFORT}[100:200]'),
+        (f'{EFFORT}[:99999999999999999999]', 'no such quantity'),
         (f'{EFFORT}[a:3]', 'no such quantity'),
+        (f'{EFFORT}[-5:3]', 'no such quantity'),
         ('wrenches.coupler.torque.z', 'no such quantity'),
     ],
 )

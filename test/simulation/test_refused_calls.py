@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 import alf_ros
 from alf_ros import AlfError, InputError, Simulation, State, StepError, load_scene
-from alf_ros.simulation.applied import NO_INPUTS, Target, Wrench
+from alf_ros.simulation.input_values import NO_INPUTS, Target, Wrench
 from support.runs import bits
 
 SCENE: dict[str, Any] = {

@@ -11,7 +11,7 @@ from scipy import optimize, stats
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.scene import overrides
-from alf_ros.simulation.applied import NO_INPUTS
+from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.state_trail import StateArrays
 from alf_ros.studies.identification.gauss_newton import best_gain, compressed
 from alf_ros.studies.identification.identifiability import beside, known

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -81,4 +82,24 @@ def test_a_number_of_the_scene_comes_first() -> None:
     once = overrides.with_changes(scene, {EFFORT: '1', FORCE: '2'})
     again = overrides.with_changes(once, {EFFORT: '3'})
     assert [e.name for e in again.effects] == ['gravity', 'crank_pin_effort', 'B_force']
+    assert overrides.number(again, EFFORT) == 3.0
+
+
+@pytest.mark.parametrize(
+    'taken',
+    [
+        {'joint_effort': {'crank_pin_effort': {'joint': 'knee', 'effort': 5}}},
+        {'motor': {'crank_pin_effort': {'joint': 'crank_pin', 'effort': [[0, 1], [1, 2]]}}},
+    ],
+)
+def test_an_effect_of_this_name_stays(taken: dict[str, Any]) -> None:
+    """An effect of the user that has the name, and acts elsewhere or is of another kind."""
+    effects = {'gravity': {'acceleration': [0, -9.81]}, **taken}
+    scene = load_scene({'mechanism': 'slider_crank', 'effects': effects})
+    once = overrides.with_changes(scene, {EFFORT: '2'})
+    again = overrides.with_changes(once, {EFFORT: '3'})
+    before, after = ({e.label: e for e in each.effects} for each in (scene, again))
+    assert {label: after[label] for label in before} == before
+    (new,) = after.keys() - before.keys()
+    assert (after[new].parameters.joint, after[new].parameters.effort) == ('crank_pin', 3.0)
     assert overrides.number(again, EFFORT) == 3.0

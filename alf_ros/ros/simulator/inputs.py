@@ -34,8 +34,8 @@ from alf_ros.ros.simulator.command_messages import (
 )
 from alf_ros.ros.simulator.trajectory_command import Trajectory, read_trajectory
 from alf_ros.ros.simulator.trajectory_tracking import Tracking
-from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.input_checks import controlled
+from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:

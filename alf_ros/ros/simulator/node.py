@@ -158,7 +158,7 @@ class Simulator(Node):
     def _warm_up(self, simulation: Simulation) -> None:
         """Use what ticks, reports and commands will use, compiled code above all."""
         from alf_ros import effects
-        from alf_ros.simulation.applied import from_outside
+        from alf_ros.simulation.held_inputs import from_outside
 
         for kind in sorted(from_outside(simulation.model)):
             effects.load(kind)

@@ -19,8 +19,8 @@ from alf_ros.kernel.posture_rates import linearise_posture, rate_matrix, rates_a
 from alf_ros.model.compile import allocate
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import found
-from alf_ros.simulation.applied import NO_INPUTS
 from alf_ros.simulation.input_checks import is_number, number, text, truth
+from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.state import State

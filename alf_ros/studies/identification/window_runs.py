@@ -20,9 +20,9 @@ from alf_ros.errors import InputError, argument_of
 from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
-from alf_ros.simulation.applied import NO_INPUTS
 from alf_ros.simulation.explicit_choice import explicit_solver
 from alf_ros.simulation.input_slopes import Slopes
+from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State

@@ -18,7 +18,8 @@ from alf_ros.errors import InputError
 from alf_ros.kernel.data.actuation import Actuation
 from alf_ros.kernel.needed_efforts import effort_equations, effort_residuals, needed_efforts
 from alf_ros.model.rank import distance
-from alf_ros.simulation.applied import NO_INPUTS, Inputs, one_by_one
+from alf_ros.simulation.held_inputs import one_by_one
+from alf_ros.simulation.input_values import NO_INPUTS, Inputs
 from alf_ros.simulation.instruments import Workspace
 from alf_ros.simulation.named_inputs import named_inputs
 from alf_ros.simulation.simulation import Simulation

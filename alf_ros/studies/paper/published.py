@@ -24,9 +24,10 @@ from alf_ros.errors import StepError
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.scene.scene import Scene, Solver
-from alf_ros.simulation.applied import NO_INPUTS, Applied
+from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.formulations.adams import Adams
+from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.reactions import Reactions
 
 MOST = 20_000  # evaluations: more than ten times what a run takes that comes through

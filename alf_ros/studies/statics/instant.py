@@ -23,7 +23,8 @@ from alf_ros.kernel import Effects
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.meshing import has_integral
 from alf_ros.model.dense_linearisation import DEPENDENT, MASSLESS
-from alf_ros.simulation.applied import Applied, Inputs
+from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.statics.force_change import Force, ForceChange, dual_forces
