@@ -30,7 +30,7 @@ nitpick_ignore_regex = [
     # what no program of a user makes or names
     ('py:.*', r'alf_ros\.(kernel|mechanism|model|logs\.progress)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|kinematics|reactions)\..*'),
-    ('py:.*', r'alf_ros\.simulation\.state_direction\..*'),
+    ('py:.*', r'alf_ros\.simulation\.(input_values|state_direction)\..*'),
     ('py:.*', r'alf_ros\.scene\.text\.scene_document\..*'),
     ('py:.*', r'alf_ros\.studies\.identification\.(window_runs|window_start)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(formulations|parameter_slopes|start|tangent_following)\..*'),
