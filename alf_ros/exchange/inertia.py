@@ -18,6 +18,7 @@ from alf_ros.exchange.robot import Robot
 
 _T = np.ones((3, 3)) - np.eye(3)
 _ROUNDED = 1e-15  # of mass times the square of the robot's size
+_HARDLY = 1e-8  # of the largest moment: rounding may hide less
 _ALLOWED = 1e-9  # of the largest moment: what the loader takes for rounding
 
 
@@ -43,10 +44,10 @@ def is_possible(J: Floats) -> bool:
 
 
 def may_lack(robot: Robot) -> bool:
-    """Whether a part has no mass, or turns about an axis without inertia."""
-    return any(
-        part.mass == 0.0 or np.linalg.eigvalsh(part.inertia)[0] <= 0.0 for part in robot.parts
-    )
+    """Whether a part has no mass, or turns about an axis without inertia, or with hardly any."""
+    moments = np.linalg.eigvalsh([part.inertia for part in robot.parts])
+    least = _HARDLY * moments.max(initial=0.0)
+    return bool((moments[:, 0] <= least).any()) or any(part.mass == 0.0 for part in robot.parts)
 
 
 def checked(robot: Robot, repair: bool) -> None:

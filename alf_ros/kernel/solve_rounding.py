@@ -43,7 +43,7 @@ def _solved(unit: Unit, system: System, work: Work) -> float:
 @compiled
 def solve_rounding(unit: Unit, system: System, work: Work, q: Floats, aside: float) -> float:
     """The largest part of a free motion that a solve at q (blocks D, m) leaves; 0 if none is free,
-    or if there is no factor.
+    infinite if there is no factor.
 
     aside: how far from there instead, in parts of the shortest distance; 0 if rows depend on
     others, as they would not there.
@@ -55,7 +55,7 @@ def solve_rounding(unit: Unit, system: System, work: Work, q: Floats, aside: flo
     copy(q, work.q)
     _scattered(n, aside * np.sqrt(shortest), work.q)
     if not linearise(unit, system, work, work.q):
-        return 0.0
+        return np.inf
     zero(v)
     _scattered(n, 1.0, v)
     for turn in range(_TIMES + 1):

@@ -42,7 +42,7 @@ from alf_ros.model.ordinary_positions import (
     WHOLE,
     directions,
 )
-from alf_ros.model.penalty import light_penalty, rounding_of, stiff_penalty
+from alf_ros.model.penalty import HIDDEN, light_penalty, rounding_of, stiff_penalty
 from alf_ros.model.rank import distance
 from alf_ros.model.symbolic_factor import filled
 
@@ -203,6 +203,7 @@ class MemberSystems:
         ordinary = np.where(usual, ordinary, 1.0)
         penalty, rounding = self._penalties(base, ordinary, usual)
         close, patience = self._limits(penalty, rounding, ordinary)
+        usual &= self._ranks[0].rounding < HIDDEN  # a single start measures it again
         usual &= ~(distance(rows - self._rank(0, 0, usual), penalty) < close * ordinary)
         usual &= self._completed(masses, penalty, rounding, given)
         q = self._places.q.reshape(self._members, PLACES, -1)[:, 0]

@@ -15,7 +15,9 @@ from alf_ros.kernel import Work
 from alf_ros.mechanism.memory import remembered
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model, allocate, hold
+from alf_ros.model.constraints.carried_masses import are_small_and_light
 from alf_ros.model.constraints.meshing import integrals
+from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.model.rank import distance, effective_rank
 
 NEAR_BY = 4  # places that each search for an ordinary position examines
@@ -199,7 +201,11 @@ def _displace(model: Model, q: Floats, by: float) -> None:
 
 def _rank(model: Model, work: Work, q: Floats) -> int:
     """The rank of Φ_q, -1 if A has no factor; with the penalty of the model, or with one that
-    resolves the soft modes of chains of thousands of bars."""
+    resolves the soft modes of chains of thousands of bars.
+
+    Rows that hold a heavy body by a light one are soft in the metric of M. So where parts are
+    light, the dense Φ_q says whether rows depend on others.
+    """
     found, off = -1, 1.0
     for penalty in (model.penalty, 1e10):
         stiff = model if penalty == model.penalty else model.with_penalty(penalty)
@@ -211,6 +217,8 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
             found, off = min(round(rank), len(model.row_names)), away
         if off < WHOLE:
             break
+    if found < len(model.row_names) and are_small_and_light(model.unit, model.system):
+        return max(found, Linearised(model, q).rank)
     return found
 
 

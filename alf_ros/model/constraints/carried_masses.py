@@ -33,15 +33,21 @@ def _are_light(diagonal: Floats) -> NDArray[np.bool_]:
     return np.asarray((diagonal > 0.0) & (diagonal < _LIGHT * heaviest))
 
 
+def are_small_and_light(unit: Unit, system: System) -> bool:
+    """Whether a mechanism has light blocks, and is small enough for dense matrices."""
+    diagonal = system.mass.diagonal
+    return diagonal.size * len(unit) <= _DENSE and bool(_are_light(diagonal).any())
+
+
 def carried(unit: Unit, system: System, q: Floats) -> Floats:
     """(movable,) the diagonal of M, kg, in which light blocks count with what they carry.
 
     Blocks without mass are left without. q (blocks D, m): as drawn.
     """
     diagonal, D = system.mass.diagonal, len(unit)
-    light, n = _are_light(diagonal), diagonal.size * len(unit)
-    if not light.any() or n > _DENSE:
+    if not are_small_and_light(unit, system):
         return diagonal
+    light, n = _are_light(diagonal), diagonal.size * D
     J, M = _dense(unit, system, q, n)
     _, sizes, turn = np.linalg.svd(J)
     rank = int((sizes > _DEPENDENT * sizes.max(initial=0.0)).sum())
