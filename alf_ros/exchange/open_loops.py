@@ -1,7 +1,8 @@
 """Positions of joints at which loops close, by Newton's method from several starts.
 
 The joints move within their limits: from the positions drawn first, then from random ones around
-them. Of the postures found, the one nearest to the positions drawn holds.
+around them. Of the postures found, the one nearest to the positions drawn holds, with joints that
+the loops leave free as near to these as the loops allow.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from alf_ros.exchange.robot import Robot
 _AS_DRAWN, _CLOSED = 1e-6, 1e-10  # of the size: loops that are closed as drawn, and when found
 _STARTS, _ROUNDS, _POLISH = 60, 60, 6
 _MORE = 2  # times as many starts as the first posture took, to find nearer ones
+_FREE = 1e-8  # of the largest singular value: gaps do not change in such a direction
+_ARRIVED, _SHORTEST = 1e-12, 1e-4  # rad, or of the size; part of the way to where joints are drawn
 _SPREAD = 0.3  # rad, or of the size: standard deviation of the first random start
 
 LoopT = TypeVar('LoopT')
@@ -102,7 +105,32 @@ def closed(posture: OpenLoops, robot: Robot) -> Floats | None:
         )
     count = f'{len(found)} of {starts} starts close them'
     robot.leave('posture', f'{posture.loops} ({count}; the nearest posture is taken)')
-    return min(found, key=lambda each: each[:2])[2]
+    _, _, x = min(found, key=lambda each: each[:2])
+    return _drawn_back(posture, x, begin, (low, high))
+
+
+def _drawn_back(
+    posture: OpenLoops, x: Floats, begin: Floats, limits: tuple[Floats, Floats]
+) -> Floats:
+    """From a closed posture towards `begin`, along what the loops leave free, as far as they stay
+    closed and the way to `begin` becomes shorter."""
+    scales, most = posture.scales(), _CLOSED * posture.size
+    part, away = 1.0, np.linalg.norm((x - begin) / scales)
+    for _ in range(_ROUNDS):
+        _, size, Vt = np.linalg.svd(posture.gaps(x)[1] * scales)
+        free = Vt[int((size > _FREE * size.max(initial=0.0)).sum()) :]
+        back = free.T @ (free @ ((begin - x) / scales))
+        if np.abs(back).max(initial=0.0) <= _ARRIVED:
+            break
+        y, gap = _settled(posture, np.clip(x + part * scales * back, *limits), *limits)
+        left = np.linalg.norm((y - begin) / scales)
+        if gap <= most and left < away:
+            x, away, part = y, left, min(1.0, 2.0 * part)
+        else:
+            part *= 0.25
+        if part < _SHORTEST:
+            break
+    return x
 
 
 def _settled(posture: OpenLoops, x: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:

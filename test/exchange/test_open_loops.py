@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,36 @@ def test_newton_closes_a_five_bar_within_the_limits(tmp_path: Path, side: str) -
     np.testing.assert_allclose(sample.points[points[0]][:2], tip(1.9, 1.1), atol=1e-12)
     assert sample.diagnostics.position_violation < 1e-12
     assert simulation.model.n - sample.diagnostics.rank == 2
+
+
+def tips(x: Floats) -> Floats:
+    """(2,) m from one tip to the other, of mot1, e1, mot2, e2."""
+    turned = [np.array([math.cos(angle), math.sin(angle)]) for angle in x + [0, x[0], 0, x[2]]]
+    one = FIRST * turned[0] + ROD * turned[1]
+    return np.asarray(one - SECOND * turned[2] - ROD * turned[3] - [GROUND_BAR, 0.0])
+
+
+def test_the_posture_is_the_nearest_that_the_loop_allows(tmp_path: Path) -> None:
+    """Stretched arms close from a random start only. What this start turned without need is turned
+    back: along the free motion of the loop the posture comes no nearer to the drawing, and a
+    joint that does not move the loop stays where it is drawn."""
+    swivel = (
+        link('hub', 0.01)
+        + joint('swivel', 'b', 'hub', ROD)
+        + joint('f1', 'hub', 'tip_b', 0.0, kind='fixed')
+    )
+    fixed = joint('f1', 'b', 'tip_b', ROD, kind='fixed')
+    assert fixed in five_bar()
+    urdf, loops = written(tmp_path, five_bar().replace(fixed, swivel), GEPETTO)
+    text = imported(urdf, loops=loops, scene=True)
+    (line,) = (line for line in text.splitlines() if line.startswith('#   zero of joints: '))
+    at = {name: float(x) for name, x in re.findall(r'(\w+) at (-?[\d.e-]+)', line)}
+    x = np.array([at[name] for name in ('mot1', 'e1', 'mot2', 'e2')])
+    assert np.abs(tips(x)).max() < 1e-9
+    slope = np.array([(tips(x + 1e-6 * e) - tips(x - 1e-6 * e)) / 2e-6 for e in np.eye(4)]).T
+    free = np.linalg.svd(slope)[2][2:]
+    assert np.abs(free @ x).max() < 1e-6
+    assert abs(at.get('swivel', 0.0)) < 1e-9
 
 
 def test_motors_of_the_side_file_are_imported(tmp_path: Path) -> None:
