@@ -351,7 +351,10 @@ def _short(number: str) -> str:
 def trees() -> str:
     """Robots without loops beside MuJoCo."""
     about, found = rows('trees.csv')
-    head = 'robot | base | joints | alf_ros, ms/s | MuJoCo, ms/s | ratio | limits apart, rad'
+    head = (
+        'robot | base | joints | alf_ros, ms/s | MuJoCo, ms/s | ratio | evaluations/s | '
+        'of MuJoCo | µs an evaluation | of these at least | of MuJoCo | limits apart, rad'
+    )
     return markdown(about, head, [list(row.values()) for row in found])
 
 

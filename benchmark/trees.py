@@ -9,7 +9,10 @@ a second. There are neither friction nor limits. `dop853_adaptive` runs with tol
 of 0.1 s, MuJoCo's RK4 with steps. The error is the largest one of a joint (rad) at the end, of
 each against its own limit: here a tolerance of 1e-12, there M and the bias forces integrated by
 scipy to 1e-12. How far these limits are apart is printed. The cost is the time of the processor
-for a second at an error of 1e-6 rad, by interpolation. Writes trees.csv.
+for a second at an error of 1e-6 rad, by interpolation, and so is the number of evaluations.
+
+`least_us` is what an evaluation cannot do without: A assembled and factorised once, and solved
+five times, one for the position and two each for velocities and accelerations. Writes trees.csv.
 """
 
 from __future__ import annotations
@@ -34,9 +37,13 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Simulation  # noqa: E402
-from alf_ros.arrays import Floats  # noqa: E402
+from alf_ros.arrays import Floats, Unit  # noqa: E402
 from alf_ros.exchange.import_file import imported  # noqa: E402
+from alf_ros.kernel import linearise, solve  # noqa: E402
+from alf_ros.kernel.data import System, Work  # noqa: E402
+from alf_ros.kernel.numba_ext.jit import compiled  # noqa: E402
 from alf_ros.logs.provenance import about  # noqa: E402
+from alf_ros.model.compile import allocate  # noqa: E402
 from alf_ros.scene.scene import scene_from_text  # noqa: E402
 
 SHIPPED = {  # below the folder of example-robot-data; whether its base moves
@@ -51,6 +58,9 @@ TOLERANCES = [10.0**-k for k in range(2, 12)]
 STEPS = [4e-2 / 2**k for k in range(11)]
 WANTED, ROUNDS = 1e-6, 15
 NOTHING = 1e-5  # kg: stands for no mass in some files
+SOLVES = 5  # of an evaluation
+REPEATED = 2000
+Run = tuple[Floats, float, int]  # (joints,) rad at the end, s of the processor, evaluations
 
 
 def bare(file: Path, floating: bool) -> str:
@@ -156,8 +166,8 @@ class Tree:
         found = solve_ivp(rate, (0.0, seconds), y, 'DOP853', rtol=1e-12, atol=1e-13)
         return np.asarray(found.y[self.at, -1])
 
-    def run(self, seconds: float, step: float) -> tuple[Floats, float]:
-        """(joints,) rad at the end, and the time of the processor (s)."""
+    def run(self, seconds: float, step: float) -> Run:
+        """With RK4, which evaluates four times a step."""
         model, data = self.model, self.data
         steps = round(seconds / step)
         model.opt.timestep = seconds / steps
@@ -172,7 +182,7 @@ class Tree:
             model, data, state, forces, control_spec=mujoco.mjtState.mjSTATE_QFRC_APPLIED
         )
         spent = time.process_time() - begin
-        return np.asarray(states[0, -1, 1 : 1 + model.nq][self.at]), spent
+        return np.asarray(states[0, -1, 1 : 1 + model.nq][self.at]), spent, 4 * steps
 
 
 class Simulated:
@@ -181,43 +191,68 @@ class Simulated:
     def __init__(self, scene: Any, tree: Tree, seconds: float) -> None:
         self.scene, self.tree, self.seconds = scene, tree, seconds
 
-    def run(self, tolerance: float) -> tuple[Floats, float]:
-        """(joints,) rad at the end, and the time of the processor (s)."""
-        steps = round(10.0 * self.seconds)
+    def prepared(self, tolerance: float) -> Simulation:
+        """With the efforts of the tree, on a grid of 0.1 s."""
         simulation = Simulation(
             self.scene,
             integrator='dop853_adaptive',
             tolerance=tolerance,
-            step=self.seconds / steps,
+            step=self.seconds / round(10.0 * self.seconds),
         )
         for name, effort in self.tree.efforts.items():
             simulation.apply_effort(name, effort)
+        return simulation
+
+    def run(self, tolerance: float) -> Run:
+        """With a tolerance."""
+        simulation, steps = self.prepared(tolerance), round(10.0 * self.seconds)
         start = simulation.state
         simulation.step()  # makes what a first step needs
         simulation.restore(start)
-        begin = time.process_time()
+        before, begin = simulation.evaluations, time.process_time()
         simulation.step(steps)
-        spent = time.process_time() - begin
+        spent, count = time.process_time() - begin, simulation.evaluations - before
         joints = simulation.sample().joints
-        return np.array([joints[name].position for name in self.tree.names]), spent
+        return np.array([joints[name].position for name in self.tree.names]), spent, count
+
+    def least(self) -> float:
+        """Seconds of what an evaluation cannot do without."""
+        model = self.prepared(WANTED).model
+        work = allocate(model, model.system, 0)
+        fastest = math.inf
+        for _ in range(ROUNDS):
+            begin = time.process_time()
+            _solve_often(model.unit, model.system, work, model.q, REPEATED)
+            fastest = min(fastest, time.process_time() - begin)
+        return fastest / REPEATED
 
 
-def cost(
-    run: Callable[[float], tuple[Floats, float]], settings: list[float], exact: Floats
-) -> float:
-    """Milliseconds at an error of WANTED: between two settings by straight lines of logarithms."""
-    before: tuple[float, float] | None = None
+@compiled
+def _solve_often(unit: Unit, system: System, work: Work, q: Floats, count: int) -> None:
+    for _ in range(count):
+        linearise(unit, system, work, q)
+        for _ in range(SOLVES):
+            solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+
+
+def cost(run: Callable[[float], Run], settings: list[float], exact: Floats) -> tuple[float, float]:
+    """Milliseconds and evaluations at an error of WANTED: between two settings by straight lines
+    of logarithms."""
+    before: tuple[float, float, int] | None = None
     for setting in settings:
-        found, spent = min((run(setting) for _ in range(ROUNDS)), key=lambda each: each[1])
+        found, spent, count = min((run(setting) for _ in range(ROUNDS)), key=lambda each: each[1])
         error = float(np.abs(found - exact).max())
         print(f'    {setting:.1e}: {error:.1e} rad, {1e3 * spent:.3g} ms', file=sys.stderr)
         if error <= WANTED:
             if before is None:
-                return 1e3 * spent
+                return 1e3 * spent, count
             part = math.log(before[0] / WANTED) / math.log(before[0] / max(error, 1e-15))
-            return 1e3 * before[1] * (spent / before[1]) ** part
-        before = error, spent
-    return math.nan
+            return (
+                1e3 * before[1] * (spent / before[1]) ** part,
+                before[2] * (count / before[2]) ** part,
+            )
+        before = error, spent, count
+    return math.nan, math.nan
 
 
 def measured(file: Path, floating: bool, seconds: float) -> dict[str, str]:
@@ -232,8 +267,8 @@ def measured(file: Path, floating: bool, seconds: float) -> dict[str, str]:
     exact = tree.exact(seconds)
     own = Simulated(scene, tree, seconds)
     limit = own.run(1e-12)[0]
-    ours = cost(own.run, TOLERANCES, limit)
-    theirs = cost(lambda step: tree.run(seconds, step), STEPS, exact)
+    ours, evaluations = cost(own.run, TOLERANCES, limit)
+    theirs, others = cost(lambda step: tree.run(seconds, step), STEPS, exact)
     return {
         'robot': file.stem,
         'base': 'free' if floating else 'fixed',
@@ -241,6 +276,11 @@ def measured(file: Path, floating: bool, seconds: float) -> dict[str, str]:
         'alf_ros_ms_per_s': f'{ours / seconds:.3g}',
         'mujoco_ms_per_s': f'{theirs / seconds:.3g}',
         'ratio': f'{ours / theirs:.2f}',
+        'evaluations': f'{evaluations / seconds:.0f}',
+        'mujoco_evaluations': f'{others / seconds:.0f}',
+        'us': f'{1e3 * ours / evaluations:.3g}',
+        'least_us': f'{1e6 * own.least():.3g}',
+        'mujoco_us': f'{1e3 * theirs / others:.3g}',
         'limits_apart_rad': f'{np.abs(limit - exact).max():.1e}',
     }
 
