@@ -138,6 +138,7 @@ MOTION = {
     'missing',
     'unknown elements': 'the format has no such element there, or only one: what they do to '
     'the motion is missing',
+    'unknown text': 'the format has no text there: what it does to the motion is missing',
     'physics of Gazebo': 'what these extensions do to the motion is missing',
     'several root links': 'each is fixed to the ground as drawn (see --floating)',
     'joints of unknown type': 'they are omitted',

@@ -91,6 +91,7 @@ NO_ATTRIBUTE = (
     'unknown attributes: the format has no such attribute there: what it does to the motion is '
     'missing'
 )
+NO_TEXT = 'unknown text: the format has no text there: what it does to the motion is missing'
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -143,6 +144,11 @@ SCREW = '<axis><xyz>0 1 0</xyz>{}</axis>{}'
         (of_arm('<mass>2</mass>'), f'{UNKNOWN}: mass of arm'),
         (sdf('ball', '', '<drake:linear_bushing_rpy/>'),
          f'{UNKNOWN}: linear_bushing_rpy of m'),
+        (hinge('', '', '<dynamics>0.3</dynamics>'), f"{NO_TEXT}: dynamics '0.3' of j"),
+        (sdf('revolute', '<axis>0 1 0</axis>'), f"{NO_TEXT}: axis '0 1 0' of j"),
+        (hinge('<dynamics><damping value="1"/></dynamics>'),
+         f'{NO_ATTRIBUTE}: damping value of j'),
+        (hinge('<dynamics><damping><x>1</x></damping></dynamics>'), f'{UNKNOWN}: x of j'),
         (hinge().replace('<xyz>', '<xyz expresed_in="base">'),
          f'{NO_ATTRIBUTE}: xyz expresed_in of j'),
         (of_arm('<pose relative="base">0 0 0 0 0 0</pose>'),
@@ -265,6 +271,10 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{UNKNOWN}: dynamic of j'),
         ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, 2 * '<dynamics damping="1"/>'),
          f'{UNKNOWN}: dynamics of j'),
+        ('a.urdf', URDF.replace('MORE', '').replace('<origin xyz="0.2 0 0"/>',
+         '<origin>0.2 0 0</origin>'), f"{NO_TEXT}: origin '0.2 0 0' of arm"),
+        ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, LIMIT + '<dynamics><damping>1</damping>'
+         '</dynamics>'), f'{UNKNOWN}: damping of j'),
         ('a.urdf', URDF.replace('MORE', '').replace(LINK, 2 * LINK),
          f'{UNKNOWN}: inertial of arm'),
         ('a.sdf', universal(TWO), JOINTS),
