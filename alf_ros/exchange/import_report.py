@@ -30,7 +30,6 @@ MOTION = {
     'velocities of bodies': 'the joints do not permit them: the motion starts at rest',
     'velocities of many bodies': 'the mechanism is too large to fit them to its joints: the '
     'motion starts at rest',
-    'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
     'compensation of gravity (see --scene)': 'these bodies have their whole weight',
     'mass of disabled shapes': 'shapes whose collision is disabled have no mass, as the '

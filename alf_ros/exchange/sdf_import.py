@@ -346,8 +346,7 @@ class _Reader:
             stated = part.at is not None and (part.at.findtext('mass') or '').strip()
             if not stated and roots[name] != GROUND:
                 self.robot.leave('mass: default of SDF', self._short(name))
-        masses = {name: part.mass for name, part in self.links.items()}
-        self.robot.lift(masses, part_of, self.weightless)
+        self.robot.lift(links, part_of, self.weightless)
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)

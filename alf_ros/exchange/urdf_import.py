@@ -104,8 +104,7 @@ class UrdfReader:
             name: self._part(name, link) for name, link in self.links.items() if name not in inner
         }
         self.part_of = self.robot.add_links(parts, self.part_of)
-        masses = {name: part.mass for name, part in parts.items()}
-        self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml, self.error))
+        self.robot.lift(parts, self.part_of, urdf_gazebo.weightless(self.xml, self.error))
         self._armatures = urdf_actuators.armatures(self.robot, self.xml)
         in_rows = {each for row in self._balls.values() for each in row}
         in_rows |= {slide for _, slide in self._screws.values()}

@@ -81,8 +81,6 @@ PLANE = (
     f'<link name="plate">{LINK}</link><joint name="k" type="planar"><parent link="base"/>'
     '<child link="plate"/><axis xyz="0 0 1"/></joint>'
 )
-HALF = f"""<link name="disk">{LINK}</link><joint name="on" type="fixed"><parent link="arm"/>
-<child link="disk"/></joint><gazebo reference="disk"><gravity>0</gravity></gazebo>"""
 UNKNOWN = (
     'unknown elements: the format has no such element there, or only one: what they do to '
     'the motion is missing'
@@ -226,7 +224,6 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{NO_ATTRIBUTE}: origin quat_xyzw of arm'),
         ('a.urdf', URDF.replace('MORE', '').replace('effort="3"', 'effort="3" efort="4"'),
          f'{NO_ATTRIBUTE}: limit efort of j'),
-        ('a.urdf', URDF.replace('MORE', HALF), 'gravity off: these bodies have weight here: arm'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), f'{ROTORS}: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'motorTorqueConstant')),
