@@ -45,8 +45,8 @@ class UrdfReader:
 
     positions: of joints, rad or m, zero where absent. The root is fixed unless `floating`.
     arguments: of a xacro. types: of joints that are of another type (`urdf_joint_types`).
-    follows: joints that follow from loops, so that their <mimic> does not count. Raises
-    InputError.
+    follows: joints that follow from loops, so that their <mimic> does not count. `sprung`: joints
+    with a spring. Raises InputError.
     """
 
     def __init__(
@@ -108,6 +108,9 @@ class UrdfReader:
         self._armatures = urdf_actuators.armatures(self.robot, self.xml)
         in_rows = {each for row in self._balls.values() for each in row}
         in_rows |= {slide for _, slide in self._screws.values()}
+        self._springs = urdf_gazebo.springs(self.xml, self.error)
+        single = {name for name, joint in self.joints.items() if joint.type in _MOVES}
+        self.sprung = self._springs.keys() & (single - in_rows - self._screws.keys())
         for joint in self.urdf.joints:
             if joint.name not in in_rows:
                 self._connect(joint)
@@ -305,6 +308,7 @@ class UrdfReader:
             dynamics = None
         if joint.type in ('fixed', 'floating'):
             return
+        stiffness, rest = self._springs[joint.name] if joint.name in self.sprung else (0.0, 0.0)
         pitch = self._threads[joint.name].pitch if joint.name in self._threads else 0.0
         last = self.joints[self._screws[joint.name][-1]] if joint.name in self._screws else joint
         pose = self.poses[last.child]
@@ -323,6 +327,8 @@ class UrdfReader:
                 drawn,
                 (joint.limit.lower or 0.0, joint.limit.upper or 0.0) if turns else None,
                 float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
+                stiffness=stiffness,
+                rest=rest,
                 friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
                 pitch=pitch,
                 armature=self._armatures.get(joint.name, 0.0),

@@ -70,7 +70,7 @@ ROTORS = (
 )
 CONSTANTS = 'constants of motors: a command is the effort of the joint, not a current'
 GAZEBO = '<gazebo reference="arm"><static>true</static><mu1>0.1</mu1></gazebo>'
-SPRING = '<gazebo reference="j"><springStiffness>5</springStiffness></gazebo>'
+SPRING = '<gazebo reference="on"><springStiffness>5</springStiffness></gazebo>'
 MIMIC = '<ros2_control><joint name="j"><param name="mimic">k</param></joint></ros2_control>'
 ROTOR = (
     '<transmission name="t"><joint name="j"/><actuator name="a"><motorInertia>1</motorInertia>'
