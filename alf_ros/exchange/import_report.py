@@ -141,6 +141,8 @@ MOTION = {
     'physics of Gazebo': 'what these extensions do to the motion is missing',
     'several root links': 'each is fixed to the ground as drawn (see --floating)',
     'joints of unknown type': 'they are omitted',
+    'gearboxes': 'they are omitted: their links are not on hinges of the reference body about '
+    'their axes',
     'includes': 'their content is omitted',
     'parameters of includes': 'the models are as in their own files',
     'version of SDF': '1.4 to 1.12 are expected: read as the nearest of them',
