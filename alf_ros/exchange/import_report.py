@@ -141,7 +141,7 @@ MOTION = {
     'physics of Gazebo': 'what these extensions do to the motion is missing',
     'several root links': 'each is fixed to the ground as drawn (see --floating)',
     'joints of unknown type': 'they are omitted',
-    'gearboxes': 'they are omitted: their links are not on hinges of the reference body about '
+    'gearboxes': 'they are omitted: their links are not on hinges of a reference body about '
     'their axes',
     'includes': 'their content is omitted',
     'parameters of includes': 'the models are as in their own files',

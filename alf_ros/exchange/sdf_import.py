@@ -370,7 +370,9 @@ class _Reader:
             else:
                 self.robot.connect(joints.connection(scope, each, parent, child), at=each)
         for scope, each in self.joints:
-            if sdf_joints.is_gearbox(each):
+            if sdf_joints.is_gearbox(each) and not each.findtext('gearbox_reference_body'):
+                self.robot.leave('gearboxes', self._short(scope + self._name(each)))
+            elif sdf_joints.is_gearbox(each):
                 reference = part_of[self._carrier(scope, each, 'gearbox_reference_body')]
                 joints.gearbox(scope, each, reference, [part_of[x] for x in sides[id(each)]])
 
