@@ -18,6 +18,7 @@ from alf_ros import columns
 from alf_ros.effects import contract
 from alf_ros.effects.contract import affine_force
 from alf_ros.effects.contract.affine_force import Affine
+from alf_ros.effects.contract.scalars import place
 from alf_ros.mechanism.affine import constant
 from alf_ros.mechanism.natural_coordinates import Layout
 
@@ -37,11 +38,13 @@ class Parameters:
         default=0.0,
         metadata={'kind': 'spin', 'unit': 'N m', 'doc': 'torque, in the plane about +z'},
     )
-    at: str | None = field(
+    at: str | tuple[float, ...] | None = field(
         default=None,
         metadata={
-            'kind': 'point',
-            'doc': 'point of the body where the force acts; its centre of mass if absent',
+            'kind': 'place',
+            'unit': 'm',
+            'doc': 'where the force acts: a point of the body, or a place in its frame; its '
+            'centre of mass if absent',
             'needs': ('force',),
         },
     )
@@ -68,7 +71,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """Packed as Q = K q + k, see `affine`.
 
     Raises ValueError for a torque or a body frame where there is nothing that turns, and for a
-    point that is not of the body.
+    place that is not of the body.
     """
     Q = Affine(layout.dimension)
     for effect in effects:
@@ -81,7 +84,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         if p.force:
             turned = p.frame == 'body'
             F = layout.vector(p.on, p.force) if turned else constant(p.force)
-            Q.add_force(layout.placed(p.on, p.at), F)
+            Q.add_force(place(layout, p.on, p.at), F)
         if np.any(torque):
             Q.add_torque(layout, p.on, torque, p.frame == 'body')
     return Q.packed()

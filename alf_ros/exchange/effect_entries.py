@@ -58,11 +58,8 @@ def entries(
     effects |= {'tendon': tendons} if tendons else {}
     if contact is not None and robot.touches:
         effects['ground_contact'] = _contacts(robot, named, contact)
-    if robot.lifts:
-        effects['constant_wrench'] = {
-            f'{named.bodies[part]}_lift': {'on': named.bodies[part], 'force': force.tolist()}
-            for part, force in robot.lifts.items()
-        }
+    if lifts := _lifts(robot, named):
+        effects['constant_wrench'] = lifts
     return effects
 
 
@@ -206,6 +203,25 @@ def _of_balls(robot: Robot, named: Named) -> dict[str, dict[str, Any]]:
         else:
             robot.leave('damping of balls', c.name)
     return drags
+
+
+def _lifts(robot: Robot, named: Named) -> dict[str, dict[str, Any]]:
+    """Forces that compensate gravity; list those beside the centre of mass of a part that does not
+    turn, on which there is no place but its points."""
+    lifts = {}
+    for part in robot.parts:
+        if part.name not in robot.lifts:
+            continue
+        lift = robot.lifts[part.name]
+        body = named.bodies[part.name]
+        fields: dict[str, Any] = {'on': body, 'force': lift.force.tolist()}
+        if not np.array_equal(lift.place, part.com):
+            if not _turns(part):
+                robot.leave('compensation of gravity', part.name)
+                continue
+            fields['at'] = named.place(part.name, lift.place)
+        lifts[f'{body}_lift'] = fields
+    return lifts
 
 
 def _turns(part: RobotPart) -> bool:

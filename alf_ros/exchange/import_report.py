@@ -30,7 +30,6 @@ MOTION = {
     'velocities of bodies': 'the joints do not permit them: the motion starts at rest',
     'velocities of many bodies': 'the mechanism is too large to fit them to its joints: the '
     'motion starts at rest',
-    'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
     'compensation of gravity (see --scene)': 'these bodies have their whole weight',
     'mass of disabled shapes': 'shapes whose collision is disabled have no mass, as the '
@@ -138,9 +137,12 @@ MOTION = {
     'missing',
     'unknown elements': 'the format has no such element there, or only one: what they do to '
     'the motion is missing',
+    'unknown text': 'the format has no text there: what it does to the motion is missing',
     'physics of Gazebo': 'what these extensions do to the motion is missing',
     'several root links': 'each is fixed to the ground as drawn (see --floating)',
     'joints of unknown type': 'they are omitted',
+    'gearboxes': 'they are omitted: their links are not on hinges of a reference body about '
+    'their axes',
     'includes': 'their content is omitted',
     'parameters of includes': 'the models are as in their own files',
     'version of SDF': '1.4 to 1.12 are expected: read as the nearest of them',

@@ -29,6 +29,7 @@ from alf_ros.exchange.robot import (
     GROUND,
     BodyVelocity,
     Connection,
+    Lift,
     Robot,
     RobotPart,
     free_name,
@@ -36,7 +37,7 @@ from alf_ros.exchange.robot import (
 )
 from alf_ros.scene.text.yaml_document import LARGEST
 
-_CENTRED = 1e-9  # of the extent: how far from the centre of mass a force of gravity may act
+_LEAST = 1e-3  # of forces of gravity: their sum, or else they are a torque without a place
 # numbers of a model from which the robot is made; `size` and ranges may be infinite
 _USED = (
     *('body_mass', 'body_inertia', 'body_pos', 'body_quat', 'body_ipos', 'body_iquat'),
@@ -342,18 +343,23 @@ class _Reader:
                 self.robot.velocities[self.bodies[body]] = BodyVelocity(place, linear, angular)
 
     def _lift(self) -> None:
-        """Compensation of gravity: a force on each part, if it acts at the centre of mass and no
-        joint takes it from its actuators, which may be too weak or none."""
+        """Compensation of gravity: a force on each part, if no joint takes it from its actuators,
+        which may be too weak or none."""
         model, data = self.model, self.data
+        if not np.any(model.body_gravcomp > 0.0):  # then MuJoCo counts no negative ones either
+            return
         whole = mjcf_switches.pushes(self.mujoco, model) and not model.jnt_actfrclimited.any()
         for part in self.robot.parts:
             own = [n for n in range(1, model.nbody) if self.held[n] == part.name]
             weights = model.body_mass[own] * model.body_gravcomp[own]
             if not weights.any():
                 continue
-            arm = weights @ (data.xipos[own] - part.com)  # kg m
-            beside = np.abs(arm).max() > _CENTRED * model.stat.extent * np.abs(weights).sum()
-            if beside or (model.jnt_actgravcomp.any() and not whole):
+            total = weights.sum()
+            if abs(total) < _LEAST * np.abs(weights).sum() or (
+                model.jnt_actgravcomp.any() and not whole
+            ):
                 self.robot.leave('compensation of gravity', part.name)
-            else:
-                self.robot.lifts[part.name] = weights.sum() * -model.opt.gravity
+                continue
+            is_even = np.ptp(model.body_gravcomp[own][model.body_mass[own] > 0.0]) == 0.0
+            place = part.com if is_even else weights @ data.xipos[own] / total
+            self.robot.lifts[part.name] = Lift(total * -model.opt.gravity, place)

@@ -214,6 +214,14 @@ class BodyVelocity:
         return self.linear + np.cross(self.angular, place - self.place)
 
 
+@dataclass(frozen=True, eq=False)
+class Lift:
+    """A force (3,) N, constant in the world, at the place (3,) m of a part as drawn."""
+
+    force: Floats
+    place: Floats
+
+
 @dataclass
 class Robot:
     """Parts and connections; `left_out` says, by kind, what of the source is not among them.
@@ -221,7 +229,7 @@ class Robot:
     still: what to do if nothing can move. shapes: with their poses in the world, each after the
     part, or the ground, that it shows. planes: fixed ones, each with its coefficient of friction
     if the file has one. touches: what of the robot touches planes. velocities: of the parts that
-    move at the start. lifts: forces (3,) N in the world at the centres of mass of parts. places:
+    move at the start. lifts: forces on parts that compensate gravity. places:
     by connection the element of XML that has it.
     """
 
@@ -239,7 +247,7 @@ class Robot:
     planes: list[tuple[FixedPlane, float | None]] = field(default_factory=list)
     touches: list[GroundTouch] = field(default_factory=list)
     velocities: dict[str, BodyVelocity] = field(default_factory=dict)
-    lifts: dict[str, Floats] = field(default_factory=dict)
+    lifts: dict[str, Lift] = field(default_factory=dict)
     places: dict[str, ElementTree.Element | None] = field(default_factory=dict)
     left_out: LeftOut = field(default_factory=LeftOut)
 
@@ -305,20 +313,24 @@ class Robot:
         return {link: named[root] for link, root in root_of.items()}
 
     def lift(
-        self, masses: Mapping[str, float], part_of: Mapping[str, str], weightless: Container[str]
+        self,
+        links: Mapping[str, RobotPart],
+        part_of: Mapping[str, str],
+        weightless: Container[str],
     ) -> None:
-        """Add a force on each part without gravity, equal to its weight; list parts of which only
-        some links are without, because the force would not be at their centre of mass.
+        """Add a force on each part of which links are without gravity: their weight, upwards, at
+        their centre of mass.
 
-        masses: kg, of the links; part_of: of each link; weightless: the links without gravity.
+        links: as drawn; part_of: of each link; weightless: the links without gravity.
         """
         for part in self.parts if any(self.gravity) else ():
-            own = [m for m, other in part_of.items() if other == part.name and masses.get(m)]
-            without = [link in weightless for link in own]
-            if own and all(without):
-                self.lifts[part.name] = -part.mass * np.array(self.gravity) + 0.0
-            elif any(without):
-                self.leave('gravity off', part.name)
+            own = [link for link, other in part_of.items() if other == part.name and link in links]
+            without = [links[link] for link in own if link in weightless]
+            lifted = lumped(part.name, part.origin, without) if without else part
+            if without and lifted.mass:
+                force = -lifted.mass * np.array(self.gravity) + 0.0
+                whole = len(without) == len(own)
+                self.lifts[part.name] = Lift(force, part.com if whole else lifted.com)
 
     def error(
         self, key: str, message: str, at: ElementTree.Element | None = None, **details: Any

@@ -1,5 +1,5 @@
 """The elements and attributes that SDF has in worlds, models, links and joints: a report names
-the others.
+the others, and text where SDF has none.
 
 Specification: sdformat.org, versions 1.4 to 1.12, and elements that `sdf_import` adds.
 """
@@ -63,6 +63,13 @@ _BELOW = frozenset(
     ('frame', 'include', 'pose', 'inertial', 'inertia', 'axis', 'axis2', 'xyz', 'dynamics')
     + ('limit', 'mimic', 'collision', 'geometry', 'surface', 'friction', 'ode', 'bullet')
 )
+# elements whose values are in elements, and the elements of numbers in them and elsewhere
+_HOLDERS = frozenset(('inertial', 'inertia', 'axis', 'axis2', 'dynamics', 'limit', 'mimic'))
+_VALUES = frozenset(
+    tag
+    for holder in ('inertia', 'dynamics', 'limit', 'mimic')
+    for tag in (*_ELEMENTS[holder], 'mass', 'initial_position', OF_MODEL)
+)
 _SEVERAL = frozenset(
     ('frame', 'include', 'model', 'link', 'joint', 'plugin', 'gripper', 'model_state', 'sensor')
     + ('collision', 'visual', 'light', 'battery', 'particle_emitter', 'audio_source', 'world')
@@ -84,6 +91,18 @@ def leave_unknown(robot: Robot, element: ElementTree.Element, name: str) -> None
             robot.leave('unknown elements', f'{tag} of {name}')
     for attribute in unknown_elements.attributes(element, _ATTRIBUTES):
         robot.leave('unknown attributes', f'{attribute} of {name}')
+    if element.tag in _HOLDERS and (text := unknown_elements.text(element)):
+        robot.leave('unknown text', f'{text} of {name}')
     for each in element:
         if each.tag in _BELOW:
             leave_unknown(robot, each, name)
+        if element.tag in _HOLDERS and each.tag in _VALUES:
+            _leave_of_value(robot, each, name)
+
+
+def _leave_of_value(robot: Robot, element: ElementTree.Element, name: str) -> None:
+    """Note what an element has besides its value, which is its text."""
+    for tag, _ in unknown_elements.of(element, (), ()):
+        robot.leave('unknown elements', f'{tag} of {name}')
+    for attribute in unknown_elements.attributes(element, {element.tag: ()}):
+        robot.leave('unknown attributes', f'{attribute} of {name}')

@@ -346,8 +346,7 @@ class _Reader:
             stated = part.at is not None and (part.at.findtext('mass') or '').strip()
             if not stated and roots[name] != GROUND:
                 self.robot.leave('mass: default of SDF', self._short(name))
-        masses = {name: part.mass for name, part in self.links.items()}
-        self.robot.lift(masses, part_of, self.weightless)
+        self.robot.lift(links, part_of, self.weightless)
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
@@ -360,7 +359,7 @@ class _Reader:
         joints = SdfJoints(self.robot, self.frames, self.joints, held, self._short)
         for scope, each in self.joints:
             joints.leave(scope, each)
-            if sdf_joints.kind_of(each) == 'fixed':
+            if sdf_joints.kind_of(each) == 'fixed' or sdf_joints.is_gearbox(each):
                 continue
             parent, child = (part_of[side] for side in sides[id(each)])
             if not sdf_joints.is_known(each):
@@ -370,6 +369,12 @@ class _Reader:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
                 self.robot.connect(joints.connection(scope, each, parent, child), at=each)
+        for scope, each in self.joints:
+            if sdf_joints.is_gearbox(each) and not each.findtext('gearbox_reference_body'):
+                self.robot.leave('gearboxes', self._short(scope + self._name(each)))
+            elif sdf_joints.is_gearbox(each):
+                reference = part_of[self._carrier(scope, each, 'gearbox_reference_body')]
+                joints.gearbox(scope, each, reference, [part_of[x] for x in sides[id(each)]])
 
     def _leave_obstacles(self) -> None:
         """Note the shapes of static models, besides planes, which stop nothing that moves."""
@@ -391,14 +396,15 @@ class _Reader:
         return replace(part, origin=pose.origin, com=pose.place(part.com), inertia=J)
 
     def _sides(self, scope: str, element: ElementTree.Element) -> tuple[str, str]:
-        parent, child = (
-            self.frames.link(self.frames.find(self._side(element, side), scope, element))
-            for side in ('parent', 'child')
-        )
-        for link in (parent, child):
-            if link != WORLD and link not in self.links:
-                raise self.error(self._name(element), 'no link carries it', element, value=link)
+        parent, child = (self._carrier(scope, element, side) for side in ('parent', 'child'))
         return parent, child
+
+    def _carrier(self, scope: str, element: ElementTree.Element, side: str) -> str:
+        """The link that a joint names."""
+        link = self.frames.link(self.frames.find(self._side(element, side), scope, element))
+        if link != WORLD and link not in self.links:
+            raise self.error(self._name(element), 'no link carries it', element, value=link)
+        return link
 
 
 def _canonical(element: ElementTree.Element) -> str:

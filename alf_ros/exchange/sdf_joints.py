@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.exchange import sdf_gearboxes
 from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot
 from alf_ros.exchange.sdf_frames import MODEL, SdfFrames
 from alf_ros.exchange.sdf_values import name_of, number, numbers, says
@@ -32,6 +33,11 @@ _SCHEMES = ('implicit_spring_damper', 'cfm_damping')  # how steps compute the sa
 def kind_of(element: ElementTree.Element) -> str:
     """The type of a joint, as SDF names it."""
     return element.get('type', '').strip().lower()
+
+
+def is_gearbox(element: ElementTree.Element) -> bool:
+    """Whether it couples two other joints."""
+    return kind_of(element) == 'gearbox'
 
 
 def is_known(element: ElementTree.Element) -> bool:
@@ -99,6 +105,15 @@ class SdfJoints:
             friction=friction,
             pitch=self._pitch(element, name) if kind == 'screw' else 0.0,
         )
+
+    def gearbox(
+        self, scope: str, element: ElementTree.Element, reference: str, parts: Sequence[str]
+    ) -> None:
+        """Couple what a gearbox couples: parent and child on a reference part."""
+        name = self._short(scope + name_of(element, self._robot.error))
+        axes = [self._axis(scope, element, tag) for tag in _TAGS]
+        ratio = self._number(element, 'gearbox_ratio', 1.0, name)
+        sdf_gearboxes.couple(self._robot, name, reference, parts, axes, ratio)
 
     def leave(self, scope: str, element: ElementTree.Element) -> None:
         """Note what connections do not have of a joint of any type. Raises InputError."""

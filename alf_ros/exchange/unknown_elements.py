@@ -1,4 +1,4 @@
-"""Elements and attributes of a robot file that its format does not have there, or has once.
+"""Elements, attributes and text of a robot file that its format does not have there, or has once.
 
 Simulators pass over them, as over a misspelt one, and know different extensions. No reader here
 looks at them, so a report names them.
@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from xml.etree import ElementTree
 
 _OF_XML = '{http://www.w3.org/'
+_TOLD = 60  # characters of a text that are told
 
 
 def of(
@@ -40,3 +41,10 @@ def attributes(
     for name in element.attrib if element.tag in known else ():
         if name not in known[element.tag] and not name.startswith(_OF_XML):
             yield f'{element.tag} {name.rpartition("}")[2]}'
+
+
+def text(element: ElementTree.Element) -> str:
+    """The text of an element that has none in its format, after its tag; '' without any."""
+    words = (element.text, *(each.tail for each in element))
+    found = ' '.join(' '.join(filter(None, words)).split())[:_TOLD]
+    return f'{element.tag} {found!r}' if found else ''

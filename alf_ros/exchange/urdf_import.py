@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
-    unknown_elements,
     urdf_actuators,
     urdf_document,
+    urdf_elements,
     urdf_gazebo,
     urdf_joint_types,
     urdf_motions,
@@ -35,43 +35,6 @@ _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
 _SEVERAL = ('planar', 'floating')  # types with several coordinates
 _LIMITED = ('revolute', 'prismatic')  # types that have limits
-# by element the elements in it that are read, or named one by one
-_READ = {
-    'robot': ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control'),
-    'link': ('inertial', 'visual', 'collision'),
-    'joint': ('parent', 'child', 'origin', 'axis', 'limit', 'dynamics', 'mimic')
-    + ('calibration', 'safety_controller'),
-    'inertial': ('origin', 'mass', 'inertia'),
-    'collision': ('origin', 'geometry', 'material'),
-    'geometry': ('box', 'cylinder', 'sphere', 'mesh', 'capsule'),
-}
-# by element of a link or a joint the attributes that it has
-_ATTRIBUTES = {
-    'link': ('name',),
-    # Isaac keeps the link of a fixed joint with `dont_collapse`, which moves nothing
-    'joint': ('name', 'type', 'dont_collapse'),
-    'inertial': (),
-    'mass': ('value',),
-    'inertia': ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'),
-    'origin': ('xyz', 'rpy'),
-    'axis': ('xyz',),
-    'parent': ('link',),
-    'child': ('link',),
-    'limit': ('lower', 'upper', 'effort', 'velocity'),
-    'dynamics': ('damping', 'friction'),
-    'mimic': ('joint', 'multiplier', 'offset'),
-    'collision': ('name',),
-    'geometry': (),
-    'box': ('size',),
-    'sphere': ('radius',),
-    'cylinder': ('radius', 'length'),
-    'capsule': ('radius', 'length'),
-    'mesh': ('filename', 'scale'),
-}
-_SEVERAL_OF = (*_READ['robot'], 'visual', 'collision')
-_HARMLESS = ('sensor', 'self_filter', 'collision_checking', 'self_collision_checking', 'verbose')
-# of `<compiler>` in the extension `<mujoco>`: where meshes are, and what is shown
-_OF_MESHES = {'meshdir', 'strippath', 'discardvisual', 'fusestatic'}
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
 _STILL = ': with --floating its root link moves'
@@ -82,8 +45,8 @@ class UrdfReader:
 
     positions: of joints, rad or m, zero where absent. The root is fixed unless `floating`.
     arguments: of a xacro. types: of joints that are of another type (`urdf_joint_types`).
-    follows: joints that follow from loops, so that their <mimic> does not count. Raises
-    InputError.
+    follows: joints that follow from loops, so that their <mimic> does not count. `sprung`: joints
+    with a spring. Raises InputError.
     """
 
     def __init__(
@@ -141,11 +104,13 @@ class UrdfReader:
             name: self._part(name, link) for name, link in self.links.items() if name not in inner
         }
         self.part_of = self.robot.add_links(parts, self.part_of)
-        masses = {name: part.mass for name, part in parts.items()}
-        self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml, self.error))
+        self.robot.lift(parts, self.part_of, urdf_gazebo.weightless(self.xml, self.error))
         self._armatures = urdf_actuators.armatures(self.robot, self.xml)
         in_rows = {each for row in self._balls.values() for each in row}
         in_rows |= {slide for _, slide in self._screws.values()}
+        self._springs = urdf_gazebo.springs(self.xml, self.error)
+        single = {name for name, joint in self.joints.items() if joint.type in _MOVES}
+        self.sprung = self._springs.keys() & (single - in_rows - self._screws.keys())
         for joint in self.urdf.joints:
             if joint.name not in in_rows:
                 self._connect(joint)
@@ -343,6 +308,7 @@ class UrdfReader:
             dynamics = None
         if joint.type in ('fixed', 'floating'):
             return
+        stiffness, rest = self._springs[joint.name] if joint.name in self.sprung else (0.0, 0.0)
         pitch = self._threads[joint.name].pitch if joint.name in self._threads else 0.0
         last = self.joints[self._screws[joint.name][-1]] if joint.name in self._screws else joint
         pose = self.poses[last.child]
@@ -361,6 +327,8 @@ class UrdfReader:
                 drawn,
                 (joint.limit.lower or 0.0, joint.limit.upper or 0.0) if turns else None,
                 float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
+                stiffness=stiffness,
+                rest=rest,
                 friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
                 pitch=pitch,
                 armature=self._armatures.get(joint.name, 0.0),
@@ -407,38 +375,7 @@ class UrdfReader:
                 self.robot.leave('limits of effort', joint.name)
             elif limit is not None and not limit.effort and joint.name in pushed:
                 self.robot.leave('limits of effort', f'{joint.name} is 0: its motor has none')
-        for element in (self.xml, *self.xml):
-            if element.tag not in _READ:
-                continue
-            for tag, each in unknown_elements.of(element, _READ[element.tag], _SEVERAL_OF):
-                is_top = element is self.xml
-                called = each.get('name', '') if is_top else f'of {element.get("name", "")}'
-                kind = 'elements' if _is_harmless(each) else 'unknown elements'
-                self.robot.leave(kind, f'{tag} {called}'.strip())
-            if element is not self.xml:
-                self._leave_inside(element)
-
-    def _leave_inside(self, element: ElementTree.Element) -> None:
-        """Note what URDF does not have further inside a link or a joint."""
-        name = element.get('name', '')
-        inner = [each for each in element if each.tag in ('inertial', 'collision')]
-        inner += element.findall('collision/geometry')
-        for each in inner:
-            for tag, unknown in unknown_elements.of(each, _READ[each.tag], ()):
-                kind = 'elements' if _is_harmless(unknown) else 'unknown elements'
-                self.robot.leave(kind, f'{tag} of {name}')
-        for each in (element, *element, *(part for one in inner for part in one)):
-            for attribute in unknown_elements.attributes(each, _ATTRIBUTES):
-                self.robot.leave('unknown attributes', f'{attribute} of {name}')
-
-
-def _is_harmless(element: ElementTree.Element) -> bool:
-    """Whether an element that URDF does not have moves nothing."""
-    inside = [*element.iter()][1:]
-    only_shows = all(
-        each.tag == 'compiler' and _OF_MESHES.issuperset(each.keys()) for each in inside
-    )
-    return element.tag in _HARMLESS or (element.tag == 'mujoco' and only_shows)
+        urdf_elements.leave_unknown(self.robot, self.xml)
 
 
 def _pose(origin: Any) -> FramePose:

@@ -40,7 +40,7 @@ def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
 
 def leave(reader: UrdfReader) -> None:
     """Note the extensions of Gazebo that are no loops, and what loops do not have here."""
-    urdf_gazebo.leave(reader.robot, reader.xml, reader.links)
+    urdf_gazebo.leave(reader.robot, reader.xml, reader.links, reader.sprung)
     for element in _gazebo_joints(reader):
         if (kind := element.get('type')) in _NOT_HERE:
             name = element.get('name', 'gazebo_joint')

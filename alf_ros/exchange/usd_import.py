@@ -82,7 +82,9 @@ class _Reader:
         tendons = usd_tendons.add(stage, self.scene, self.robot, found)
         usd_mimics.couple(stage, self.scene, self.robot, found)
         usd_actuators.add(stage, self.scene, self.robot, found, tendons)
+        self.weightless: set[str] = set()
         self._leave()
+        self.robot.lift(self.links, self.part_of, self.weightless)
         usd_unread.leave(stage, self.robot, self.bodies.prims)
 
     # ------------------------------------------------------------------------- bodies and joints
@@ -189,7 +191,7 @@ class _Reader:
     def _leave_body(self, prim: Any, part: str) -> None:
         stage, leave = self.stage, self.robot.leave
         if stage.holds(prim, 'physxRigidBody:disableGravity', False):
-            leave('gravity off', part)
+            self.weightless.add(str(prim.GetPath()))
         if stage.holds(prim, 'physics:startsAsleep', False):
             leave('sleeping bodies', part)
         if any(

@@ -30,6 +30,7 @@ LEAP = 0.3  # of the size: longest correction, and longest way on which the moti
 _CLOSED = 4.0  # rounding units of the size
 _CONTRACTS = 0.5  # of a correction, the next one with the same factor
 _NEARLY = 1e-13  # of the size: closed, where rounding ends the convergence
+_ROUNDED = 4.0  # rounding units of the largest coordinate: no gap is known better far away
 _SLOW = 0.2  # of two gaps: a mode converges slowly
 _SHORTEST = 1.0 / 64.0  # of a correction
 
@@ -117,6 +118,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
     """
     unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
     size, n = system.size, work.p.size
+    nearly = max(_NEARLY * size, _ROUNDED * EPS * largest(work.q, n))
     best, fraction, first, slow = np.inf, 1.0, True, exactly
     counts[FACTORED] = 0
     for _ in range(_ROUNDS):
@@ -126,7 +128,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
                 zero(way)
             return True
         if gap < best or _contracts(closing, system, fraction, slow):
-            if gap > 0.25 * best and gap <= _NEARLY * size:
+            if gap > 0.25 * best and gap <= nearly:
                 return True
             slow = exactly or gap > _SLOW * best
             best, fraction = gap, 1.0
@@ -147,10 +149,10 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
             fraction *= 0.5
             if fraction < _SHORTEST:
                 copy(work.base, work.q)
-                return best <= _NEARLY * size
+                return best <= nearly
         for a in range(n):
             work.q[a] = work.base[a] + fraction * work.target[a]
-    return best <= _NEARLY * size
+    return best <= nearly
 
 
 @inner

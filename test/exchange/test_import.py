@@ -100,6 +100,26 @@ def test_stops_damping_and_drawn_positions(tmp_path: Path) -> None:
     assert '#   gravity (see --scene): gravity is absent: 0 0 -9.81\n' in bare
 
 
+def test_a_spring_of_gazebo_oscillates(tmp_path: Path) -> None:
+    """About the vertical, so that there is no torque of gravity: a cosine."""
+    k, rest, drawn, inertia = 5.0, 0.8, 0.3, 0.5 + 2.0 * 0.2**2
+    spring = f'<springStiffness>{k}</springStiffness><springReference>{rest}</springReference>'
+    source = robots.robot(
+        '<link name="world"/>',
+        robots.link('a', (0.2, 0.0, 0.0), 2.0, (0.3, 0.4, 0.5, 0.0, 0.0, 0.0)),
+        '<joint name="j" type="continuous"><parent link="world"/><child link="a"/>'
+        '<axis xyz="0 0 1"/></joint>',
+        f'<gazebo reference="j">{spring}</gazebo>',
+    )
+    text = imported(saved(tmp_path, 'it.urdf', source), scene=True, positions={'j': drawn})
+    assert 'physics of Gazebo' not in text
+    simulation = simulate(text)
+    simulation.step(800)
+    expected = rest + (drawn - rest) * math.cos(math.sqrt(k / inertia) * 0.8)
+    found = drawn + simulation.sample().joints['j'].position
+    assert found == pytest.approx(expected, abs=1e-10)
+
+
 def test_everything_else_is_listed(tmp_path: Path) -> None:
     extra = """<transmission name="drive"><type>t</type><joint name="elbow"/></transmission>
 <gazebo reference="upper"><mu1>0.2</mu1></gazebo><gazebo><plugin name="p"/></gazebo>

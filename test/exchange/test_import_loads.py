@@ -331,9 +331,9 @@ def test_limits_of_an_sdf(tmp_path: Path) -> None:
 
 
 def test_an_unknown_joint_is_listed(tmp_path: Path) -> None:
-    source = (FOLDER / 'nested.sdf').read_text(encoding='utf-8').replace('"ball"', '"gearbox"')
+    source = (FOLDER / 'nested.sdf').read_text(encoding='utf-8').replace('"ball"', '"cam"')
     text = imported(saved(tmp_path, 'it.sdf', source))
-    assert '#   joints of unknown type: they are omitted: swing (gearbox)\n' in text
+    assert '#   joints of unknown type: they are omitted: swing (cam)\n' in text
 
 
 def test_options_of_other_formats() -> None:

@@ -67,8 +67,15 @@ def ours(text: str) -> Floats:
 
 @pytest.mark.parametrize(
     'source',
-    [robot(MOVING), robot('', '0.5', '1', '1').replace(' qvel=""', ''), robot(MOVING, *'111')],
-    ids=['moving', 'lifted', 'both'],
+    [
+        robot(MOVING),
+        robot('', '0.5', '1', '1').replace(' qvel=""', ''),
+        robot(MOVING, *'111'),
+        robot(MOVING, '0', '0.4', '1'),
+        robot(MOVING, '0', '0.1', '-2'),
+        robot(MOVING, '0', '0', '-2'),  # which MuJoCo does not count without a positive one
+    ],
+    ids=['moving', 'lifted', 'both', 'a part', 'a part is heavier', 'none is lifted'],
 )
 def test_the_motion_is_mujocos(source: str, tmp_path: Path) -> None:
     text = imported(saved(tmp_path, 'it.xml', source), scene=True, key='k')
@@ -94,11 +101,13 @@ def test_velocities_fit_other_lengths(tmp_path: Path) -> None:
         Simulation(scene, tangents=[name]).step()
 
 
-def test_a_part_of_a_body_that_is_lifted_is_listed(tmp_path: Path) -> None:
-    """The force would not act at the centre of mass of the bodies fixed together."""
-    source = robot(MOVING, '0', '0.4', '1')
-    text = imported(saved(tmp_path, 'it.xml', source), scene=True, key='k')
-    assert 'compensation of gravity: these bodies have their whole weight here: l2' in text
+def test_forces_up_and_down_that_have_no_place_are_listed(tmp_path: Path) -> None:
+    """Forces of equal size on two halves of a body are a torque."""
+    source = """<mujoco><worldbody><body name="b" gravcomp="1" pos="0 0 1"><freejoint/>
+    <geom size="0.1"/><body gravcomp="-1"><geom size="0.1" pos="1 0 0"/></body></body>
+    </worldbody></mujoco>"""
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    assert 'compensation of gravity: these bodies have their whole weight here: b' in text
     assert 'constant_wrench' not in text
 
 

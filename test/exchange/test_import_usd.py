@@ -200,6 +200,23 @@ def test_velocities_that_the_joints_permit(tmp_path: Path) -> None:
     assert '#   velocities of bodies: the joints do not permit them: the motion starts at' in text
 
 
+def test_bodies_without_gravity(tmp_path: Path) -> None:
+    """Two bodies on one pin, at 0.3 m and 0.5 m from it, of which one has no weight."""
+    one = massive(2.0, (0.3, 0.0, 0.0), (0.1, 0.1, 0.1))
+    other = massive(1.0, (0.5, 0.0, 0.0), (0.1, 0.1, 0.1))
+    text = stage(
+        body('a', one),
+        body('b', other, 'bool physxRigidBody:disableGravity = true'),
+        joint('Revolute', 'pin', (('', (0, 0, 0)), ('/a', (0, 0, 0))), usd.axis('Y')),
+        joint('Fixed', 'held', (('/a', (0, 0, 0)), ('/b', (0, 0, 0)))),
+    )
+    simulation = simulate(made(tmp_path, text, scene=True))
+    simulation.step(1)
+    expected = 1e-3 * 2.0 * 0.3 * G / (0.2 + 2.0 * 0.3**2 + 0.5**2)
+    speed = simulation.sample().joints['pin'].velocity
+    assert speed == pytest.approx(expected, rel=1e-4)
+
+
 # ------------------------------------------------------------------------------------ the report
 
 
@@ -245,7 +262,6 @@ def test_losses_that_change_the_motion_come_first(tmp_path: Path) -> None:
     lines = made(tmp_path, text).split('\n')
     assert lines[1] == '# Changes of the motion:'
     for line in (
-        'gravity off: these bodies have weight here: b',
         'sleeping bodies: they move from the start, not when something touches them: b',
         'damping of bodies: these bodies are not damped: b',
         'friction coefficients of PhysX: these joints have no friction: the file has no load: pin',

@@ -70,7 +70,7 @@ ROTORS = (
 )
 CONSTANTS = 'constants of motors: a command is the effort of the joint, not a current'
 GAZEBO = '<gazebo reference="arm"><static>true</static><mu1>0.1</mu1></gazebo>'
-SPRING = '<gazebo reference="j"><springStiffness>5</springStiffness></gazebo>'
+SPRING = '<gazebo reference="on"><springStiffness>5</springStiffness></gazebo>'
 MIMIC = '<ros2_control><joint name="j"><param name="mimic">k</param></joint></ros2_control>'
 ROTOR = (
     '<transmission name="t"><joint name="j"/><actuator name="a"><motorInertia>1</motorInertia>'
@@ -81,8 +81,6 @@ PLANE = (
     f'<link name="plate">{LINK}</link><joint name="k" type="planar"><parent link="base"/>'
     '<child link="plate"/><axis xyz="0 0 1"/></joint>'
 )
-HALF = f"""<link name="disk">{LINK}</link><joint name="on" type="fixed"><parent link="arm"/>
-<child link="disk"/></joint><gazebo reference="disk"><gravity>0</gravity></gazebo>"""
 UNKNOWN = (
     'unknown elements: the format has no such element there, or only one: what they do to '
     'the motion is missing'
@@ -91,6 +89,7 @@ NO_ATTRIBUTE = (
     'unknown attributes: the format has no such attribute there: what it does to the motion is '
     'missing'
 )
+NO_TEXT = 'unknown text: the format has no text there: what it does to the motion is missing'
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -143,6 +142,11 @@ SCREW = '<axis><xyz>0 1 0</xyz>{}</axis>{}'
         (of_arm('<mass>2</mass>'), f'{UNKNOWN}: mass of arm'),
         (sdf('ball', '', '<drake:linear_bushing_rpy/>'),
          f'{UNKNOWN}: linear_bushing_rpy of m'),
+        (hinge('', '', '<dynamics>0.3</dynamics>'), f"{NO_TEXT}: dynamics '0.3' of j"),
+        (sdf('revolute', '<axis>0 1 0</axis>'), f"{NO_TEXT}: axis '0 1 0' of j"),
+        (hinge('<dynamics><damping value="1"/></dynamics>'),
+         f'{NO_ATTRIBUTE}: damping value of j'),
+        (hinge('<dynamics><damping><x>1</x></damping></dynamics>'), f'{UNKNOWN}: x of j'),
         (hinge().replace('<xyz>', '<xyz expresed_in="base">'),
          f'{NO_ATTRIBUTE}: xyz expresed_in of j'),
         (of_arm('<pose relative="base">0 0 0 0 0 0</pose>'),
@@ -220,7 +224,6 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{NO_ATTRIBUTE}: origin quat_xyzw of arm'),
         ('a.urdf', URDF.replace('MORE', '').replace('effort="3"', 'effort="3" efort="4"'),
          f'{NO_ATTRIBUTE}: limit efort of j'),
-        ('a.urdf', URDF.replace('MORE', HALF), 'gravity off: these bodies have weight here: arm'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), f'{ROTORS}: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'motorTorqueConstant')),
@@ -265,6 +268,10 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{UNKNOWN}: dynamic of j'),
         ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, 2 * '<dynamics damping="1"/>'),
          f'{UNKNOWN}: dynamics of j'),
+        ('a.urdf', URDF.replace('MORE', '').replace('<origin xyz="0.2 0 0"/>',
+         '<origin>0.2 0 0</origin>'), f"{NO_TEXT}: origin '0.2 0 0' of arm"),
+        ('a.urdf', URDF.replace('MORE', '').replace(LIMIT, LIMIT + '<dynamics><damping>1</damping>'
+         '</dynamics>'), f'{UNKNOWN}: damping of j'),
         ('a.urdf', URDF.replace('MORE', '').replace(LINK, 2 * LINK),
          f'{UNKNOWN}: inertial of arm'),
         ('a.sdf', universal(TWO), JOINTS),

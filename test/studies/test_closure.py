@@ -178,6 +178,23 @@ def test_a_branch_that_the_motion_tells_is_no_guess(noise: float) -> None:
     assert not closure.ambiguous
 
 
+@pytest.mark.parametrize('far', [1e4, 1e6])
+def test_a_mechanism_far_from_the_origin_moves(far: float) -> None:
+    """Places are rounded to EPS of their distance (m): the loops close to this, and no better."""
+    points = {
+        name: {**point, 'at': [f'{far} + {point["at"][0]}', point['at'][1]]}
+        for name, point in SLIDER_CRANK['points'].items()
+    }
+    closure = Closure({**SLIDER_CRANK, 'points': points}, ['pin'])
+    angles = np.linspace(0.7, 7.7, 300)
+    found, missed = closure.follow([[angle] for angle in angles.tolist()])
+    rounding = 1e2 * np.finfo(float).eps * far
+    assert missed.max() < rounding
+    slider = R * np.cos(angles) + np.sqrt(L**2 - (R * np.sin(angles)) ** 2)
+    guide = closure.joint_names.index('guide')
+    assert np.abs(found[:, guide] - far - slider).max() < rounding
+
+
 def test_out_of_reach_the_nearest_posture(slider: Closure) -> None:
     slider.restart()
     for angle in np.arange(0.7, 0.3, -0.02):
