@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import importlib
 import os
 import re
@@ -149,6 +150,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         # whatever a file raises, it raises again when it is collected, and that says it
         with suppress(Exception, pytest.skip.Exception):
             importlib.import_module(path.stem)
+
+
+def pytest_collection_finish() -> None:
+    """Tests and modules stay: the collector of cycles need not pass over them again."""
+    gc.freeze()
 
 
 def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] | None:

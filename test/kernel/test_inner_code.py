@@ -115,6 +115,33 @@ def test_one_variant_serves_constants_arrays_and_short_whole_numbers(tmp_path):
     ]
 
 
+OF_EFFECTS = """
+from numba.core.registry import CPUDispatcher
+from alf_ros import effects
+from alf_ros.effects.contract import gap_vectors
+from alf_ros.effects.contract.dual_force import dual_force
+from alf_ros.kernel.numba_ext.dual_numbers import RULES_OF_TWO
+
+dual_force(effects.load('spring').force._pyfunc)
+parts = [each for each in vars(gap_vectors).values() if isinstance(each, CPUDispatcher)]
+for some in (parts, [rule for rule, _ in RULES_OF_TWO]):
+    found = [code for each in some for code in each.overloads.values()]
+    addresses = {c.library.get_pointer_to_function(c.fndesc.llvm_func_name) for c in found}
+    print(len(found) > 1, *addresses)
+"""
+
+
+def test_parts_of_effects_and_rules_of_dual_numbers_are_such_code(tmp_path):
+    done = subprocess.run(
+        [sys.executable, '-c', OF_EFFECTS],
+        env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path), 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == ['True 0', 'True 0']
+
+
 INLINED = """
 import sys
 from numba import types

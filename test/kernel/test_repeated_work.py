@@ -13,7 +13,7 @@ from support.forked import ended
 from support.reader import START_LIMIT, environment
 
 # numbers of all kinds, loops, functions of numba that are compiled themselves; and, where no pass
-# of numba is left out, a closure, lists, a reduction and expressions of arrays
+# of numba is left out, a closure, lists, a reduction, expressions of arrays and a large dictionary
 SOURCE = """
 import contextlib, math, sys
 from functools import reduce
@@ -64,7 +64,12 @@ def arrays(numbers):
         return 2.0 * x
 
     some = np.array([twice(x) for x in range(4)])
-    return reduce(plus, numbers) + (numbers * some + 1.0).sum()
+    x = numbers[1]
+    table = {
+        'a': x, 'b': 2, 'c': x, 'd': 4, 'e': x, 'f': 6, 'g': x, 'h': 8, 'i': x, 'j': 10,
+        'k': x, 'l': 12, 'm': x, 'n': 14, 'o': x, 'p': 16, 'q': x, 'r': 18, 's': x, 't': 20,
+    }
+    return reduce(plus, numbers) + (numbers * some + 1.0).sum() + table['a'] * table['t']
 
 
 numbers = np.arange(4.0)

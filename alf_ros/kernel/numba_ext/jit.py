@@ -77,7 +77,9 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 def shared(function: Callable[..., Any], **options: Any) -> Any:
     """A part of each effect that calls it."""
-    return _cached(function, error_model='numpy', no_cfunc_wrapper=True, **options)
+    return _cached(
+        function, error_model='numpy', no_cfunc_wrapper=True, **_called_inside, **options
+    )
 
 
 # inlined into its caller: saves a compilation for functions with one or two callers

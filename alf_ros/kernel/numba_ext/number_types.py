@@ -16,9 +16,20 @@ from numba.core import cgutils
 from numba.core.typeconv import Conversion
 from numba.extending import lower_cast, make_attribute_wrapper, models, overload, register_model
 
+from alf_ros.kernel.numba_ext.inner_code import InnerCompiler
+
 PLAIN = (types.Float, types.Integer, types.Boolean)  # types of plain numbers
-_CALLED: dict[str, Any] = {'error_model': 'numpy'}
-_INLINED: dict[str, Any] = {**_CALLED, 'forceinline': True}
+_OPTIONS: dict[str, Any] = {'error_model': 'numpy'}
+# only compiled code calls these: they need no machine code of their own
+_CALLED: dict[str, Any] = {
+    **_OPTIONS,
+    'no_cpython_wrapper': True,
+    'no_cfunc_wrapper': True,
+    'pipeline_class': InnerCompiler,
+}
+# These have some: LLVM makes them short before it puts them into others. As they are written, all
+# of them together in one function take twice the time.
+_INLINED: dict[str, Any] = {**_OPTIONS, 'forceinline': True}
 _Matching = Callable[..., Any]
 
 

@@ -12,7 +12,11 @@ compiler. Before and after, numba is as it was.
 - The time in each call of LLVM, for each function that is being compiled, up to a dozen at once.
 - Code of LLVM that a function needs by way of several others: it is added once (`inner_code`).
 - Code in which there may be closures, lists and reductions to inline, or expressions of arrays to
-  fuse. numba prepares each function for that. The kernel has numbers, vectors and structs.
+  fuse, `with` statements or displays of dictionaries to simplify. numba prepares each function for
+  that. The kernel has numbers, vectors and structs.
+- The variables that a statement reads or writes. numba lists them a dozen times for each
+  statement, and looks at its place in the source too.
+- The options of a compilation, which are part of a key at each call of an operator.
 """
 
 from __future__ import annotations
@@ -23,10 +27,11 @@ from functools import reduce
 from typing import Any
 
 from numba import stencil, types
-from numba.core import event, ir, postproc, transforms
+from numba.core import event, interpreter, ir, postproc, transforms
 from numba.core.base import BaseContext
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.ir_utils import fixup_var_define_in_scope
+from numba.core.targetconfig import TargetConfig
 from numba.core.typed_passes import NopythonRewrites
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes
@@ -41,6 +46,8 @@ _call_type = BaseFunction.get_call_type
 _size = BaseContext.get_abi_sizeof
 _run = postproc.PostProcessor.run
 _inline, _rewrite = InlineClosureLikes.run_pass, NopythonRewrites.run_pass
+_delete_exit = interpreter.peep_hole_delete_with_exit
+_fuse_displays = interpreter.peep_hole_fuse_dict_add_updates
 _start, _end, _trigger = event.start_event, event.end_event, event.trigger_event
 
 
@@ -108,6 +115,50 @@ def _rewrite_if_any(self: Any, state: Any) -> Any:
     return True
 
 
+def _delete_exit_if_any(code: Any) -> Any:
+    scopes = {id(block.scope): block.scope for block in code.blocks.values()}
+    for scope in scopes.values():
+        if any(name.startswith('$setup_with_exitfn') for name in scope.localvars._con):
+            return _delete_exit(code)
+    return code
+
+
+def _fuse_displays_if_any(code: Any) -> Any:
+    for block in code.blocks.values():
+        for each in block.find_insts(ir.Assign):
+            if isinstance(each.value, ir.Expr) and each.value.op == 'build_map':
+                return _fuse_displays(code)
+    return code
+
+
+def _list_variables(self: Any, value: Any) -> list[Any]:
+    found: list[Any] = []
+    _add_variables(value, found)
+    return found
+
+
+def _add_variables(value: Any, found: list[Any]) -> None:
+    """Add those that occur in a part of a statement, in their order."""
+    kind = type(value)
+    if kind is ir.Var:
+        found.append(value)
+    elif kind is ir.Loc or kind is str:
+        return
+    elif isinstance(value, ir.Inst):
+        found += value.list_vars()
+    elif isinstance(value, (list, tuple)):
+        for each in value:
+            _add_variables(each, found)
+    elif isinstance(value, dict):
+        for each in value.values():
+            _add_variables(each, found)
+
+
+def _values_of_options(self: Any) -> dict[str, Any]:
+    given = self._values
+    return {name: given.get(name, option.default) for name, option in self.options.items()}
+
+
 def _no_timer(kind: str, callback: Any) -> AbstractContextManager[None]:
     return nullcontext()
 
@@ -137,6 +188,10 @@ REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (CPUCodeLibrary, 'add_linking_library', add_parts),
     (InlineClosureLikes, 'run_pass', _inline_if_any),
     (NopythonRewrites, 'run_pass', _rewrite_if_any),
+    (interpreter, 'peep_hole_delete_with_exit', _delete_exit_if_any),
+    (interpreter, 'peep_hole_fuse_dict_add_updates', _fuse_displays_if_any),
+    (ir.Inst, '_rec_list_vars', _list_variables),
+    (TargetConfig, 'values', _values_of_options),
     (event, 'install_timer', _no_timer),
     (event, 'start_event', _start_heard),
     (event, 'end_event', _end_heard),
