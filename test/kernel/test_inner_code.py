@@ -181,3 +181,58 @@ def test_it_is_the_same_whoever_calls_it_first(tmp_path):
             check=True,
         )
         assert done.stdout.split() == ['True', 'False'], first
+
+
+LIKE_NAMES = """
+from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.number_types import called
+
+def adding(number):
+    return called(lambda x: x + number)
+
+more, less = adding(10.0), adding(-10.0)
+
+@inner
+def up(x):
+    return more(x)
+
+@inner
+def down(x):
+    return less(x)
+
+@compiled
+def only_up(x):
+    return up(x)
+
+@compiled
+def only_down(x):
+    return down(x)
+
+@compiled
+def both(x):
+    return 1000.0 * up(x) + down(x)
+"""
+
+
+def test_functions_of_one_name_stay_apart(tmp_path):
+    """Two processes compile two functions of one name, each as its first: a third process has the
+    code of both. LLVM took one for the other."""
+    (tmp_path / 'like_names.py').write_text(LIKE_NAMES)
+    environment = {
+        **os.environ,
+        'NUMBA_CACHE_DIR': str(tmp_path / 'cache'),
+        'PYTHONPATH': str(ROOT),
+    }
+    found = []
+    for name in ('only_up', 'only_down', 'both'):
+        call = f'import like_names; print(like_names.{name}(1.0))'
+        done = subprocess.run(
+            [sys.executable, '-c', call],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        found.append(float(done.stdout))
+    assert found == [11.0, -9.0, 10991.0]

@@ -5,13 +5,18 @@ if Python never calls it. Its caller then takes the text, optimises it again and
 again. Here both wait for the function that Python calls, which holds all that it needs. A function
 does not hold the text of the functions that it calls: a text that many functions need would be
 copied into each, and read again from the file of each.
+
+Texts that several processes wrote come together, and of two functions of one name LLVM takes one.
+numba tells closures of one name apart by a number, which counts from 1 in each process. So here
+the numbers begin elsewhere in each.
 """
 
 from __future__ import annotations
 
+import os
 import pickle
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
@@ -149,6 +154,19 @@ class InnerCompiler(Compiler):
         """Compile a Python function."""
         self.state.library = InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)
         return super().compile_extra(func)
+
+
+class UniqueNumbers(Iterator[int]):
+    """Numbers that no other process has, also if it is forked from this one."""
+
+    def __init__(self) -> None:
+        self._process, self._last = 0, 0
+
+    def __next__(self) -> int:
+        if self._process != os.getpid():
+            self._process, self._last = os.getpid(), int.from_bytes(os.urandom(8), 'little')
+        self._last += 1
+        return self._last
 
 
 class _Reader:

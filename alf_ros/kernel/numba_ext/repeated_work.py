@@ -1,7 +1,8 @@
 """Less work for numba: results that it computes again and again while it compiles are kept, and
 passes over code in which they have nothing to do are left out.
 
-The code that numba makes is the same. This holds inside of `spared`, under the lock of numba's
+The code that numba makes is the same, but for the numbers in names of functions, which no other
+process gives (`inner_code`). This holds inside of `spared`, under the lock of numba's
 compiler. Before and after, numba is as it was.
 
 - The type of a call of a built-in function, an operator for example, depends on the types of its
@@ -29,6 +30,7 @@ from typing import Any
 from numba import stencil, types
 from numba.core import event, interpreter, ir, postproc, transforms
 from numba.core.base import BaseContext
+from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import CPUCodeLibrary
 from numba.core.ir_utils import fixup_var_define_in_scope
 from numba.core.targetconfig import TargetConfig
@@ -36,7 +38,7 @@ from numba.core.typed_passes import NopythonRewrites
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes
 
-from alf_ros.kernel.numba_ext.inner_code import add_parts
+from alf_ros.kernel.numba_ext.inner_code import UniqueNumbers, add_parts
 
 _signatures: dict[tuple[Any, ...], Any] = {}
 _sizes: dict[tuple[Any, str], int] = {}
@@ -186,6 +188,7 @@ REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (BaseContext, 'get_abi_sizeof', _remembered_size),
     (postproc.PostProcessor, 'run', _run_without_lives),
     (CPUCodeLibrary, 'add_linking_library', add_parts),
+    (FunctionIdentity, '_unique_ids', UniqueNumbers()),
     (InlineClosureLikes, 'run_pass', _inline_if_any),
     (NopythonRewrites, 'run_pass', _rewrite_if_any),
     (interpreter, 'peep_hole_delete_with_exit', _delete_exit_if_any),
