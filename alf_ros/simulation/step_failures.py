@@ -46,6 +46,8 @@ def failure(stepper: Stepper, status: Status, present: Present) -> StepError:
         cause = cause or stepper.missed.explained(crossing, phase.q, phase.qd)
         if cause is not None:
             reason, remedy = reason + cause[0], cause[1]
+    if status in (Status.TOO_MANY, Status.COLLAPSED) and (cause := _far(stepper, present)):
+        remedy = cause[1]
     if status == Status.TOO_LONG:
         longest = stepper.resolution_later()().adequate
         remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
