@@ -167,27 +167,38 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
     effects: dict[str, dict[str, Any]] = {}
     if any(robot.gravity):
         effects['gravity'] = {'acceleration': list(robot.gravity)}
-    for c in robot.connections:
-        _check(robot, c)
-        joint = {'joint': joints[c.name]}
-        if (c.damping or c.friction) and c.kind != 'spherical':
-            rubs = {'viscous': c.damping} if c.damping else {}
-            if c.friction:
-                robot.leave('law of dry friction', c.name)
-                rubs |= {'dynamic': 1.0, 'load': c.friction}
-            effects.setdefault('joint_friction', {})[joints[c.name]] = joint | rubs
-        if c.stiffness:
-            spring = {'stiffness': c.stiffness, 'free_position': c.rest - c.drawn}
-            effects.setdefault('torsion_spring', {})[joints[c.name]] = joint | spring
-        if c.limits is not None and stops is not None and not c.limits[0] < c.limits[1]:
-            robot.leave('limits without range', c.name)
-        elif c.limits is not None and stops is not None:
-            if ends := _ends(c.limits, c.drawn):
-                stop = joint | ends | {'stiffness': stops}
-                effects.setdefault('joint_stop', {})[joints[c.name]] = stop
-            _leave_beyond(robot, c.name, c.drawn, c.limits)
+    for whole in robot.connections:
+        for suffix, c in whole.coordinates():
+            _check(robot, c, whole.name)
+            _act(robot, c, joints[whole.name] + suffix, stops, effects)
     motors = _motors(robot, joints)
     return effects | ({'motor': motors} if motors else {})
+
+
+def _act(
+    robot: Robot,
+    c: Connection,
+    name: str,
+    stops: float | None,
+    effects: dict[str, dict[str, Any]],
+) -> None:
+    """Add the forces on a coordinate, which has the name in the file."""
+    joint = {'joint': name}
+    if (c.damping or c.friction) and c.kind != 'spherical':
+        rubs = {'viscous': c.damping} if c.damping else {}
+        if c.friction:
+            robot.leave('law of dry friction', c.name)
+            rubs |= {'dynamic': 1.0, 'load': c.friction}
+        effects.setdefault('joint_friction', {})[name] = joint | rubs
+    if c.stiffness:
+        spring = {'stiffness': c.stiffness, 'free_position': c.rest - c.drawn}
+        effects.setdefault('torsion_spring', {})[name] = joint | spring
+    if c.limits is not None and stops is not None and not c.limits[0] < c.limits[1]:
+        robot.leave('limits without range', c.name)
+    elif c.limits is not None and stops is not None:
+        if ends := _ends(c.limits, c.drawn):
+            effects.setdefault('joint_stop', {})[name] = joint | ends | {'stiffness': stops}
+        _leave_beyond(robot, c.name, c.drawn, c.limits)
 
 
 def _of_balls(robot: Robot, named: Named) -> dict[str, dict[str, Any]]:
@@ -230,11 +241,11 @@ def _turns(part: RobotPart) -> bool:
     return bool(moments[0] > _NOTHING * moments[-1])
 
 
-def _check(robot: Robot, c: Connection) -> None:
-    """Refuse losses and springs that give energy. Raises InputError."""
+def _check(robot: Robot, c: Connection, joint: str) -> None:
+    """Refuse losses and springs of a joint that give energy. Raises InputError."""
     for key, x in (('damping', c.damping), ('friction', c.friction), ('stiffness', c.stiffness)):
         if x < 0.0:
-            raise robot.error(c.name, f'negative {key}', robot.places.get(c.name), value=x)
+            raise robot.error(c.name, f'negative {key}', robot.places.get(joint), value=x)
 
 
 def _ends(limits: tuple[float, float], drawn: float) -> dict[str, float]:
@@ -283,7 +294,7 @@ def leave(robot: Robot) -> None:
     """A mechanism has no effects: say which there would have been."""
     if any(robot.gravity):
         robot.leave('gravity (see --scene)', ' '.join(f'{g:g}' for g in robot.gravity))
-    for c in robot.connections:
+    for c in (each for whole in robot.connections for _, each in whole.coordinates()):
         for kind, value in (
             ('damping', c.damping),
             ('dry friction', c.friction),

@@ -183,7 +183,7 @@ def text(
     else:
         effect_entries.leave(robot)
     if stops is None:
-        for c in robot.connections:
+        for c in (each for whole in robot.connections for _, each in whole.coordinates()):
             if c.limits is not None:
                 robot.leave('limits (see --stops)', c.name)
         for tendon in robot.tendons:

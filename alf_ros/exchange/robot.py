@@ -5,7 +5,7 @@ All places and directions are in the world frame, as drawn.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
@@ -70,6 +70,17 @@ class RobotPart:
 
 
 @dataclass(frozen=True)
+class AxisForces:
+    """Forces on one of the two angles of a universal joint, as in `Connection`."""
+
+    limits: tuple[float, float] | None = None
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    friction: float = 0.0
+
+
+@dataclass(frozen=True)
 class Connection:
     """A joint at `place`, with its unit axes; `AXES` gives their number.
 
@@ -78,6 +89,7 @@ class Connection:
     `armature` of a rotor. rad or m, N m or N, kg m^2 or kg. pitch: of a screw, m per turn.
     start: of a `distance`, the place (3,) on the parent, at `length` (m) from the child's.
     angles: of a ball that stands for three revolutes, the name of each and its unit axis.
+    of_axes: forces of a universal joint, for each of its axes.
     """
 
     name: str
@@ -97,6 +109,18 @@ class Connection:
     start: Floats | None = None
     length: float = 0.0
     angles: tuple[tuple[str, Floats], ...] = ()
+    of_axes: tuple[AxisForces, ...] = ()
+
+    def coordinates(self) -> Iterator[tuple[str, Connection]]:
+        """The suffix of each coordinate on which forces act, and the connection as if it had this
+        one alone."""
+        if not self.of_axes:
+            yield '', self
+            return
+        freedoms = joints.types(3)[self.kind].freedoms
+        for freedom, forces in zip(freedoms, self.of_axes, strict=True):
+            suffix = f'_{freedom.suffix}'
+            yield suffix, replace(self, name=self.name + suffix, of_axes=(), **vars(forces))
 
 
 @dataclass(frozen=True)
@@ -284,9 +308,12 @@ class Robot:
         if child == GROUND:
             axes = tuple(-axis for axis in reversed(connection.axes))
             start, place = connection.start, connection.place
-            connection = replace(connection, parent=child, child=parent, axes=axes)
+            forces = tuple(reversed(connection.of_axes))
+            connection = replace(connection, parent=child, child=parent, axes=axes, of_axes=forces)
             if start is not None:
                 connection = replace(connection, start=place, place=start)
+            if forces:
+                self.leave('names, changed', f'the second axis of {name} is {name}_first')
         if (own := free_name(name, {each.name for each in self.connections})) != name:
             self.leave('names, changed', f'loop {name} is {own}')
             connection = replace(connection, name=own)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Container, Sequence
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.exchange import sdf_gearboxes
-from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot
+from alf_ros.exchange.robot import AXES, TYPES, AxisForces, Connection, Coupled, Robot
 from alf_ros.exchange.sdf_frames import MODEL, SdfFrames
 from alf_ros.exchange.sdf_values import name_of, number, numbers, says
 from alf_ros.exchange.sdf_versions import AXES as _TAGS
@@ -75,36 +76,36 @@ class SdfJoints:
         axes = tuple(self._axis(scope, element, tag) for tag in tags)
         if len(axes) == 2 and abs(axes[0] @ axes[1]) > _PERPENDICULAR:
             raise self._robot.error(name, 'its two axes are not perpendicular', element)
-        if len(axes) != 1:
-            self._leave_of_axes(element, _TAGS, name)  # a ball has none, but files give it some
-            return Connection(name, kind, parent, child, place, axes)
-        limit, dynamics = element.find('axis/limit'), element.find('axis/dynamics')
-        lower, upper = self._limits(limit, name)
-        limited = min(abs(lower), abs(upper)) < math.inf
-        if limited and kind == 'screw':  # of an angle, or of a length: simulators differ
+        if not axes:
+            self._leave_of_axes(element, name)  # a ball has none, but files give it some
+            return Connection(name, kind, parent, child, place)
+        forces = [self._forces(element.find(tag), name) for tag in tags]
+        if len(axes) == 2:
+            for axis in (axis for tag in tags if (axis := element.find(tag)) is not None):
+                if axis.find('mimic') is not None:
+                    self._robot.leave('mimic', name)
+            of_axes = tuple(forces) if any(each != AxisForces() for each in forces) else ()
+            return Connection(name, kind, parent, child, place, axes, of_axes=of_axes)
+        (force,) = forces
+        if force.limits and kind == 'screw':  # of an angle, or of a length: simulators differ
             self._robot.leave('limits of screws', name)
-            limited = False
+            force = replace(force, limits=None)
+        mimic = element.find('axis/mimic')
+        if mimic is not None:
+            self._mimic(scope, name, mimic)
+        pitch = self._pitch(element, name) if kind == 'screw' else 0.0
+        return Connection(name, kind, parent, child, place, axes, pitch=pitch, **vars(force))
+
+    def _forces(self, axis: ElementTree.Element | None, name: str) -> AxisForces:
+        """On the coordinate of an axis."""
+        lower, upper = self._limits(None if axis is None else axis.find('limit'), name)
+        dynamics = None if axis is None else axis.find('dynamics')
         damping, friction, stiffness, rest = (
             self._number(dynamics, tag, 0.0, name)
             for tag in ('damping', 'friction', 'spring_stiffness', 'spring_reference')
         )
-        mimic = element.find('axis/mimic')
-        if mimic is not None:
-            self._mimic(scope, name, mimic)
-        return Connection(
-            name,
-            kind,
-            parent,
-            child,
-            place,
-            axes,
-            limits=(lower, upper) if limited else None,
-            damping=damping,
-            stiffness=stiffness,
-            rest=rest,
-            friction=friction,
-            pitch=self._pitch(element, name) if kind == 'screw' else 0.0,
-        )
+        limits = (lower, upper) if min(abs(lower), abs(upper)) < math.inf else None
+        return AxisForces(limits, damping, stiffness, rest, friction)
 
     def gearbox(
         self, scope: str, element: ElementTree.Element, reference: str, parts: Sequence[str]
@@ -155,9 +156,9 @@ class SdfJoints:
     ) -> float:
         return number(element, tag, default, self._robot.error, key)
 
-    def _leave_of_axes(self, element: ElementTree.Element, tags: Sequence[str], name: str) -> None:
-        """Note what only joints with one axis have here."""
-        for axis in (element.find(tag) for tag in tags):
+    def _leave_of_axes(self, element: ElementTree.Element, name: str) -> None:
+        """Note what only joints with axes have here."""
+        for axis in (element.find(tag) for tag in _TAGS):
             if axis is None:
                 continue
             ends = self._limits(axis.find('limit'), name)

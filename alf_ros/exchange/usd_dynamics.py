@@ -40,8 +40,14 @@ def limits(stage: UsdStage, scene: UsdScene, joint: UsdJoint) -> tuple[float, fl
 
 
 def in_range(x: float, ends: tuple[float, float] | None) -> float:
-    """An angle, rad, or the one turn more or less that is within its limits."""
+    """An angle, rad, or the one turn more or less that is within its limits.
+
+    Limits that leave a whole turn, as one limit does, have a turn of every angle within: there
+    the angle counts unless it is more than half a turn beyond a limit.
+    """
     low, high = ends or (-math.inf, math.inf)
+    if high - low >= 2.0 * math.pi and low - math.pi <= x <= high + math.pi:
+        return x
     around = (x, x + 2.0 * math.pi, x - 2.0 * math.pi)
     return next((each for each in around if low <= each <= high), x)
 

@@ -13,7 +13,7 @@ from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.numba_ext.block import add, block, dot, subtract
 from alf_ros.kernel.numba_ext.jit import expanded, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import put_difference, put_sum, zero
+from alf_ros.kernel.numba_ext.vectors import largest, put_difference, put_sum, zero
 from alf_ros.kernel.slip import add_slips
 from alf_ros.kernel.status import NOT_CLOSED, NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
@@ -23,6 +23,7 @@ CLOSED = 0.6  # rounding units: an error of q turns rows beside a singular posit
 ROUNDED = 0.3  # rounding units, of a stage
 _DISTINCT = 0.1  # part of the distance that is too close to a singular position
 FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
+FAR = 100.0  # sizes from the origin: products of places in Φ lose digits that q has
 
 
 @inner
@@ -121,13 +122,15 @@ def project(unit: Unit, system: System, work: Work, exactly: bool) -> int:
     The iteration begins with Φ_q and factor of the last stage, which is near. If it converges
     slowly they are computed again. Very close to a singular position a row does not determine the
     gap of its point; then a gap that no longer falls is accepted. `exactly`: beside a singular
-    position, where a last correction is made even if the rows are closed.
+    position, where a last correction is made even if the rows are closed. Far from the origin Φ is
+    computed with twice the digits.
     """
     size = system.size
+    far = largest(work.q, work.p.size) > FAR * size
     before = np.inf
     fresh, wanting = False, exactly
     for _ in range(50):
-        gap = _opening(unit, system, work, exactly)
+        gap = _opening(unit, system, work, exactly or far)
         closed = gap <= CLOSED * EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
             if not linearise(unit, system, work, work.q):

@@ -25,6 +25,7 @@ from alf_ros.model.compile import Model, allocate, compile_model, hold
 from alf_ros.model.constraints.drives import is_aligned
 from alf_ros.model.constraints.meshing import Integral, integrals, slips
 from alf_ros.model.constraints.row import Row, linear
+from alf_ros.model.far_places import nearer
 from alf_ros.model.massless_directions import no_mass
 from alf_ros.model.prescribed import prescribe
 
@@ -181,7 +182,9 @@ def _check(model: Model, work: Work, names: Sequence[str], gap: Floats, toleranc
     """Raise AssemblyError if a row is open by more than `tolerance` of the size."""
     if gap.size and not gap.max() <= tolerance * model.size:
         raise AssemblyError(
-            f'the mechanism cannot be closed: {_worst(names, gap, "m")}', key='initial.positions'
+            f'the mechanism cannot be closed: {_worst(names, gap, "m")}',
+            key='initial.positions',
+            expected=nearer(model.size, work.q),
         )
     for drive in model.mechanism.drives:
         if not is_aligned(drive, model.layout, work.q):

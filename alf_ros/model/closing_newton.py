@@ -6,9 +6,12 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel import System, Work
+from alf_ros.kernel.compensated import violation_twofold
 from alf_ros.kernel.constraints import add_transposed, violation
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import compiled, expanded
+from alf_ros.kernel.numba_ext.vectors import largest
+from alf_ros.kernel.projection import FAR
 from alf_ros.kernel.triangular_solve import solve
 
 _MOST = 200  # iterations
@@ -25,14 +28,14 @@ def settle(
     gap (rows,) is by how much each row stays open, m. best (blocks D,) is memory, in which work.q
     stands on entry; and so is phi (rows,).
     """
-    rows, n = system.rows, work.p.size
+    n = work.p.size
     smallest, fraction = np.inf, 1.0
     for _ in range(_MOST):
-        largest = opened(unit, system, work, phi, gap)
-        if gap.size == 0 or largest <= least:
+        widest = opened(unit, system, work, phi, gap)
+        if gap.size == 0 or widest <= least:
             break
-        if largest < smallest:
-            smallest, fraction = largest, 1.0
+        if widest < smallest:
+            smallest, fraction = widest, 1.0
             for i in range(best.size):
                 best[i] = work.q[i]
         else:  # the full step overshot: take half of it from the best place so far
@@ -41,7 +44,7 @@ def settle(
                 work.q[i] = best[i]
             if fraction < _SHORTEST:
                 break
-            violation(unit, rows, work.q, phi)
+            _evaluate(unit, system, work.q, phi)
         if not linearise(unit, system, work, work.q):
             return False
         _turn_into_step(unit, system, work, phi)
@@ -69,12 +72,12 @@ def settle_as_far_as_rows_agree(
     """
     n, least = work.p.size, np.inf
     for _ in range(most):
-        largest = opened(unit, system, work, phi, gap)
-        if not largest < part * least:
-            if not least <= largest:
+        widest = opened(unit, system, work, phi, gap)
+        if not widest < part * least:
+            if not least <= widest:
                 return
             break
-        least = largest
+        least = widest
         for i in range(best.size):
             best[i] = work.q[i]
         if not linearise(unit, system, work, work.q):
@@ -98,13 +101,22 @@ def _turn_into_step(unit: Unit, system: System, work: Work, phi: Floats) -> None
     solve(unit, system.pattern, work.diagonal, work.off, work.delta)
 
 
+@expanded
+def _evaluate(unit: Unit, system: System, q: Floats, phi: Floats) -> None:
+    """Φ(q), far from the origin with twice the digits, as `projection.project` does."""
+    if largest(q, q.size) > FAR * system.size:
+        violation_twofold(unit, system.rows, q, phi)
+    else:
+        violation(unit, system.rows, q, phi)
+
+
 @compiled
 def opened(unit: Unit, system: System, work: Work, phi: Floats, gap: Floats) -> float:
     """Φ, by how much each row is open, and the largest of that, m; not a number if one is none."""
-    rows, largest = system.rows, 0.0
-    violation(unit, rows, work.q, phi)
+    rows, widest = system.rows, 0.0
+    _evaluate(unit, system, work.q, phi)
     for r in range(gap.size):
         gap[r] = abs(phi[r]) * rows.scale[r]
-        if gap[r] > largest or gap[r] != gap[r]:
-            largest = gap[r]
-    return largest
+        if gap[r] > widest or gap[r] != gap[r]:
+            widest = gap[r]
+    return widest

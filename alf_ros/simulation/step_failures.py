@@ -5,6 +5,7 @@ from __future__ import annotations
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import StepError
 from alf_ros.kernel import Status
+from alf_ros.model.far_places import nearer
 from alf_ros.simulation import force_failures, locked_rows, stiff_failures
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.present import Present
@@ -41,13 +42,22 @@ def failure(stepper: Stepper, status: Status, present: Present) -> StepError:
     if status == Status.NOT_CLOSED:
         crossing, phase = float(stepper.work.crossing[1]), present.phase
         cause = locked_rows.explained(stepper.model, phase.q)
+        cause = cause or _far(stepper, present)
         cause = cause or stepper.missed.explained(crossing, phase.q, phase.qd)
         if cause is not None:
             reason, remedy = reason + cause[0], cause[1]
+    if status in (Status.TOO_MANY, Status.COLLAPSED) and (cause := _far(stepper, present)):
+        remedy = cause[1]
     if status == Status.TOO_LONG:
         longest = stepper.resolution_later()().adequate
         remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
     return StepError(reason, remedy, t)
+
+
+def _far(stepper: Stepper, present: Present) -> tuple[str, str] | None:
+    """The end of a message and the remedy, if the mechanism is too far from the origin."""
+    remedy = nearer(stepper.model.size, present.phase.q)
+    return None if remedy is None else ('', f'place {remedy}')
 
 
 def told(stepper: Stepper, status: Status) -> tuple[str, str]:

@@ -326,6 +326,19 @@ def test_limits_are_in_degrees_from_the_zero_of_the_file(tmp_path: Path) -> None
     assert '#   limits (see --stops): joints pass their limits: pin\n' in made_
 
 
+@pytest.mark.parametrize(('low', 'high'), [('20', 'inf'), ('20', '390'), ('-inf', '-20')])
+def test_a_joint_that_is_drawn_beyond_its_only_limit(tmp_path: Path, low: str, high: str) -> None:
+    """Of limits that leave a whole turn any angle is within, turns further: it is as drawn."""
+    limits = f'float physics:lowerLimit = {low}', f'float physics:upperLimit = {high}'
+    text = stage(body('b', BOB), joint('Revolute', 'pin', PIN, usd.axis('Y'), *limits))
+    made_ = made(tmp_path, text, stops=100.0)
+    assert 'zero of joints' not in made_
+    assert '#   limits as drawn: ' in made_ and ': pin is at 0, its limit is' in made_
+    (stop,) = (e.parameters for e in scene_from_text(made_).effects if e.kind == 'joint_stop')
+    ends = (stop.lower, stop.upper)
+    assert math.radians(20.0) in [abs(x) for x in ends if x is not None]
+
+
 @pytest.mark.parametrize(
     ('old', 'new', 'message'),
     [

@@ -14,7 +14,7 @@ from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
-from alf_ros.kernel.projection import CLOSED, FAINT, FURTHEST, ROUNDED, correct, opening
+from alf_ros.kernel.projection import CLOSED, FAINT, FAR, FURTHEST, ROUNDED, correct, opening
 
 Lanes = Any
 Mask = Any
@@ -27,9 +27,11 @@ def project_lanes(unit: Unit, system: System, work: Work, good: Mask) -> Mask:
     """Bring q in `work` onto Φ = 0 along M where `good` holds; returns the lanes where that
     succeeds. Factors are of somewhere near then.
 
-    Lanes converge with the factor of the last stage, or wait until it is computed again.
+    Lanes converge with the factor of the last stage, or wait until it is computed again. Lanes far
+    from the origin do not succeed here.
     """
     size = system.size
+    good = good & (largest(work.q, work.p.size) <= FAR * size)
     going, slow, before = good, good & unless(good), pick(good, np.inf, np.inf)
     copy(work.q, work.base)
     for _ in range(_TRIES):
