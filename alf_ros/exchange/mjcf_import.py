@@ -362,4 +362,4 @@ class _Reader:
                 continue
             is_even = np.ptp(model.body_gravcomp[own][model.body_mass[own] > 0.0]) == 0.0
             place = part.com if is_even else weights @ data.xipos[own] / total
-            self.robot.lifts[part.name] = Lift(total * -model.opt.gravity, place)
+            self.robot.lifts[part.name] = Lift(total * -model.opt.gravity + 0.0, place)

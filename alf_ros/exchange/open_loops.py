@@ -1,7 +1,7 @@
 """Positions of joints at which loops close, by Newton's method from several starts.
 
 The joints move within their limits: from the positions drawn first, then from random ones around
-around them. Of the postures found, the one nearest to the positions drawn holds, with joints that
+them. Of the postures found, the one nearest to the positions drawn holds, with joints that
 the loops leave free as near to these as the loops allow.
 """
 

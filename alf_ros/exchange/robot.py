@@ -351,7 +351,8 @@ class Robot:
         links: as drawn; part_of: of each link; weightless: the links without gravity.
         """
         for part in self.parts if any(self.gravity) else ():
-            own = [link for link, other in part_of.items() if other == part.name and link in links]
+            inside = (link for link, other in part_of.items() if other == part.name)
+            own = [link for link in inside if link in links and links[link].mass]
             without = [links[link] for link in own if link in weightless]
             lifted = lumped(part.name, part.origin, without) if without else part
             if without and lifted.mass:

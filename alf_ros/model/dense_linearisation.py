@@ -20,6 +20,15 @@ DEPENDENT = 1e-7  # singular value, of the largest, from which down rows count a
 MASSLESS = 1e-12  # mass of a direction, of the largest, from which down it counts as none
 
 
+def rank_of(rows: Floats) -> int:
+    """Number of independent rows (m, n), each of length about one."""
+    return _rank_by(np.asarray(np.linalg.svd(rows, compute_uv=False)))
+
+
+def _rank_by(singular_values: Floats) -> int:
+    return int((singular_values > DEPENDENT * singular_values.max(initial=1e-300)).sum())
+
+
 @dataclass(frozen=True, eq=False)
 class Linearised:
     """`model` at q (blocks D, m)."""
@@ -64,8 +73,7 @@ class Linearised:
     @cached_property
     def rank(self) -> int:
         """Number of independent rows."""
-        s = self.singular_values
-        return int((s > DEPENDENT * s.max(initial=1e-300)).sum())
+        return _rank_by(self.singular_values)
 
     @cached_property
     def rank_of_positions(self) -> int:
@@ -79,8 +87,7 @@ class Linearised:
         first = len(names) - self.model.system.rows.velocity  # in the kernel's order
         places = self.model.row.tolist()
         kept = [n for n, name in enumerate(names) if places[n] < first or name in rolls]
-        s = np.linalg.svd(self.jacobian[kept], compute_uv=False)
-        return int((s > DEPENDENT * s.max(initial=1e-300)).sum())
+        return rank_of(self.jacobian[kept])
 
     @cached_property
     def free(self) -> Floats:

@@ -17,7 +17,7 @@ from alf_ros.model import assembly
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.carried_masses import are_small_and_light
 from alf_ros.model.constraints.meshing import integrals
-from alf_ros.model.dense_linearisation import Linearised
+from alf_ros.model.dense_linearisation import Linearised, rank_of
 from alf_ros.model.rank import distance, effective_rank
 
 NEAR_BY = 4  # places that each search for an ordinary position examines
@@ -218,7 +218,7 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
         if off < WHOLE:
             break
     if found < len(model.row_names) and are_small_and_light(model.unit, model.system):
-        return max(found, Linearised(model, q).rank)
+        return max(found, rank_of(Linearised(model, q).jacobian))
     return found
 
 

@@ -12,6 +12,8 @@ from alf_ros.simulation.present import Present
 from alf_ros.simulation.stepping import Stepper
 
 _UNDATED = 'a force jumps at an instant, and derivatives end there, as the instant may be moved'
+# what rounding of places far from the origin may cause
+_FROM_AFAR = Status.NOT_CLOSED, Status.TOO_MANY, Status.COLLAPSED
 _DATE = 'give such instants in `Packed.instants`, or run it without derivatives'
 
 
@@ -42,22 +44,15 @@ def failure(stepper: Stepper, status: Status, present: Present) -> StepError:
     if status == Status.NOT_CLOSED:
         crossing, phase = float(stepper.work.crossing[1]), present.phase
         cause = locked_rows.explained(stepper.model, phase.q)
-        cause = cause or _far(stepper, present)
         cause = cause or stepper.missed.explained(crossing, phase.q, phase.qd)
         if cause is not None:
             reason, remedy = reason + cause[0], cause[1]
-    if status in (Status.TOO_MANY, Status.COLLAPSED) and (cause := _far(stepper, present)):
-        remedy = cause[1]
     if status == Status.TOO_LONG:
         longest = stepper.resolution_later()().adequate
         remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
+    if status in _FROM_AFAR and (place := nearer(stepper.model.size, present.phase.q)):
+        remedy = f'place {place}; or {remedy}'
     return StepError(reason, remedy, t)
-
-
-def _far(stepper: Stepper, present: Present) -> tuple[str, str] | None:
-    """The end of a message and the remedy, if the mechanism is too far from the origin."""
-    remedy = nearer(stepper.model.size, present.phase.q)
-    return None if remedy is None else ('', f'place {remedy}')
 
 
 def told(stepper: Stepper, status: Status) -> tuple[str, str]:

@@ -1,11 +1,18 @@
 """Code that only compiled code calls has no machine code of its own, in memory and on disk."""
 
 import json
-import os
-import subprocess
-import sys
 
-from support.paths import ROOT
+from support.forked import ended
+from support.reader import START_LIMIT, environment
+
+
+def printed(folder, cache, *arguments):
+    """The output of Python in a process of its own, with a cache of compiled code."""
+    variables = {**environment(), 'NUMBA_CACHE_DIR': str(folder / cache)}
+    done = ended([*arguments], folder, variables, START_LIMIT, new=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
 
 SOURCE = """
 from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
@@ -41,15 +48,7 @@ print(json.dumps([value, names, address]))
 
 
 def run(folder, name):
-    done = subprocess.run(
-        [sys.executable, '-c', SCRIPT, name],
-        cwd=folder,
-        env={**os.environ, 'NUMBA_CACHE_DIR': str(folder / 'cache'), 'PYTHONPATH': str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return json.loads(done.stdout)
+    return json.loads(printed(folder, 'cache', '-c', SCRIPT, name))
 
 
 def test_it_is_compiled_once_and_serves_two_callers_in_two_processes(tmp_path):
@@ -99,15 +98,7 @@ print(len(least.overloads))
 def test_one_variant_serves_constants_arrays_and_short_whole_numbers(tmp_path):
     """Also where numba compiles code that is not of this package."""
     (tmp_path / 'shared.py').write_text(SHARED)
-    done = subprocess.run(
-        [sys.executable, 'shared.py'],
-        cwd=tmp_path,
-        env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / 'cache'), 'PYTHONPATH': str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.splitlines() == [
+    assert printed(tmp_path, 'cache', 'shared.py').splitlines() == [
         '12.0 4.0',
         'float64*, int64, bool',
         'float64*, uint64, bool',
@@ -132,14 +123,7 @@ for some in (parts, [rule for rule, _ in RULES_OF_TWO]):
 
 
 def test_parts_of_effects_and_rules_of_dual_numbers_are_such_code(tmp_path):
-    done = subprocess.run(
-        [sys.executable, '-c', OF_EFFECTS],
-        env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path), 'PYTHONPATH': str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.splitlines() == ['True 0', 'True 0']
+    assert printed(tmp_path, 'cache', '-c', OF_EFFECTS).splitlines() == ['True 0', 'True 0']
 
 
 INLINED = """
@@ -172,15 +156,7 @@ def test_it_is_the_same_whoever_calls_it_first(tmp_path):
     """A function called by its address is put into its C function, but not all that it calls."""
     (tmp_path / 'squares.py').write_text(INLINED)
     for first in ('called', 'forced'):
-        done = subprocess.run(
-            [sys.executable, 'squares.py', first],
-            cwd=tmp_path,
-            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / first), 'PYTHONPATH': str(ROOT)},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert done.stdout.split() == ['True', 'False'], first
+        assert printed(tmp_path, first, 'squares.py', first).split() == ['True', 'False'], first
 
 
 LIKE_NAMES = """
@@ -218,21 +194,10 @@ def test_functions_of_one_name_stay_apart(tmp_path):
     """Two processes compile two functions of one name, each as its first: a third process has the
     code of both. LLVM took one for the other."""
     (tmp_path / 'like_names.py').write_text(LIKE_NAMES)
-    environment = {
-        **os.environ,
-        'NUMBA_CACHE_DIR': str(tmp_path / 'cache'),
-        'PYTHONPATH': str(ROOT),
-    }
-    found = []
-    for name in ('only_up', 'only_down', 'both'):
-        call = f'import like_names; print(like_names.{name}(1.0))'
-        done = subprocess.run(
-            [sys.executable, '-c', call],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
+    found = [
+        float(
+            printed(tmp_path, 'cache', '-c', f'import like_names; print(like_names.{name}(1.0))')
         )
-        found.append(float(done.stdout))
+        for name in ('only_up', 'only_down', 'both')
+    ]
     assert found == [11.0, -9.0, 10991.0]
