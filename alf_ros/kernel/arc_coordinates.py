@@ -35,6 +35,7 @@ from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, everywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import add_first, copy, largest, zero
+from alf_ros.kernel.steady_axes import mark_steady
 
 # rad in a step: for smaller turns arcs gain 1e-10 of the radius, of a radian, with rk4, and cost
 # more than places
@@ -83,7 +84,10 @@ def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) 
     arms, chart = system.arms, work.chart
     some = False
     slowest = _SLOWEST * largest(phase.qd, work.p.size)
+    if len(unit) != 2:
+        mark_steady(unit, arms, phase, work.pull, chart.curvature)
     for i in each(0, arms.about.size):
+        steady = chart.curvature[i] > 0.0
         chart.curvature[i] = 0.0
         put(chart.rate, i, block(unit, phase.qd, i))
         if arms.about[i] == FREE:
@@ -102,7 +106,7 @@ def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) 
         else:
             b, vv = relative(unit, arms, i, work.bend), dot(v, v)
             fast, vb = np.sqrt(vv), dot(v, b)
-            has = unless(fast <= slowest)
+            has = steady & unless(fast <= slowest)
             if nowhere(has):
                 continue
             across = np.sqrt(max(0.0, dot(b, b) * vv - vb * vb)) / fast

@@ -104,6 +104,10 @@ class Laid:
         self.random, self.n = np.random.default_rng(3), model.n
         qd, empty = np.zeros(model.q.size), np.zeros(0)
         qd[: self.n] = self.random.normal(size=self.n)
+        if model.layout.dimension == 3:  # all of it turns about one axis: there are arcs
+            omega, places = self.random.normal(size=3), model.q.reshape(-1, 3)
+            qd[: self.n] = np.cross(omega, places).ravel()[: self.n]
+            self.work.pull[:] = np.cross(omega, np.cross(omega, places)).ravel()
         self.work.bend[: self.n] = self.random.normal(size=self.n)
         turns = np.zeros(0, dtype=np.int64)
         self.phase = kernel.Phase(model.q.copy(), qd, turns, np.ones(1), empty)

@@ -127,6 +127,11 @@ class Arms(Struct):
 
     order: Indices  # (movable,) after what they turn about
     about: Integers  # (movable,) the block that each turns about, or ORIGIN or FREE
+    # in space, what tells how a body turns: spokes of body m are first[m] .. first[m + 1]
+    first: Indices  # (bodies + 1,)
+    spoke: Indices  # (spokes,) block
+    hub: Integers  # (spokes,) the block of the same body that it stands out from, or ORIGIN
+    turns: Integers  # (spokes,) 1 if the arc of this block is about a block of the body
 
 
 @dataclass(frozen=True, eq=False)

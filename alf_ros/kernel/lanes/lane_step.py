@@ -67,6 +67,8 @@ def lane_step(
     lane_drives(problem, of, crew, progress)
     lane_forces(problem, of, crew, progress)
     most, good = lane_accelerations(problem, live)  # (26)
+    if len(problem.unit) != 2:  # in the plane nothing asks for it
+        copy(work.qdd, work.pull)
     path_curvature(problem, good)
     good, rounds = stages_of(problem, phase, of, crew, progress, span, good, None)
     good = clear_of_kinks(problem, phase, of, crew, progress, begin, h, good)
@@ -98,6 +100,9 @@ def lane_step_again(
         for i in range(work.curve.size):
             work.curve[i] = work.bend[i]
         rounds, factored = lane_accelerations(problem, fresh)  # (26)
+        if len(problem.unit) != 2:
+            for i in range(work.pull.size):
+                work.pull[i] = pick(begun, work.pull[i], work.qdd[i])
         path_curvature(problem, factored)
         for i in range(work.curve.size):
             work.bend[i] = pick(begun, work.curve[i], work.bend[i])
