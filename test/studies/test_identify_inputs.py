@@ -86,6 +86,22 @@ def test_a_torque_alone_begins_at_zero() -> None:
     assert abs(found.values[0] - 0.3) < 3.0 * found.deviations[0]
 
 
+def test_an_effort_over_time_is_a_table_of_a_motor() -> None:
+    """Whose values are numbers of the scene."""
+
+    def of(values: list[float]) -> Scene:
+        table = [[float(k), value] for k, value in enumerate(values)]
+        motor = {'push': {'joint': 'crank_pin', 'effort': table}}
+        return load_scene({**SLIDER_CRANK, 'effects': {**SLIDER_CRANK['effects'], 'motor': motor}})
+
+    true, names = [0.5, 1.0, -0.8, 0.3], [f'push.effort.{k}.1' for k in range(4)]
+    moved = Pushed(of(true), {}, [])
+    exact = identify(of([0.0] * 4), moved.recording(), names, window=1.0)
+    np.testing.assert_allclose(exact.values, true, rtol=1e-5)
+    found = identify(of([0.0] * 4), moved.recording(1e-3, seed=1), names, window=1.0)
+    assert (np.abs(found.values - true) < 3.0 * found.deviations).all()
+
+
 def test_what_no_recording_tells_apart_is_named() -> None:
     """Both rods turn by the same angle, one to each side: their torques act alike."""
     found = identify(scene(), machine().recording(1e-3), [EFFORT, TORQUE, FORCE], window=1.0)
@@ -127,7 +143,8 @@ def test_the_program_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
     [
         (['joints.crank_pn.effort'], "'crank_pn'; did you mean 'crank_pin'?"),
         (['wrenches.Q.force.x'], "fit.wrenches.Q.force.x: unknown name, got 'Q'"),
-        ([f'{EFFORT}[10:20]'], f'acts in some of the steps.*expected {EFFORT}'),
+        ([f'{EFFORT}[10:20]'], f'acts in some of the steps.*expected {EFFORT}.*a motor with'),
+        ([f'{FORCE}[10:]'], f'acts in some of the steps.*expected {FORCE}, .* recording$'),
         (['targets.crank_pin.position'], 'fit: no target: no motor or tendon of the scene'),
         ([EFFORT, 'crank_pin_effort.effort'], f'given twice, also by {EFFORT}'),
     ],

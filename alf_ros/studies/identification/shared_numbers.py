@@ -59,11 +59,12 @@ def scene_to_fit(scene: Scene, names: Sequence[str]) -> Scene:
     for name in names:
         whole, steps, _ = name.partition('[')
         if steps and is_input(name, scene):
+            over_time = ', or a motor with a table of its effort' * whole.startswith('joints.')
             raise InputError(
                 'acts in some of the steps: a scene has no number of it',
                 key='fit',
                 value=name,
-                expected=f'{whole}, which acts in the whole recording',
+                expected=f'{whole}, which acts in the whole recording{over_time}',
             )
     try:
         return overrides.with_inputs(scene, names)
