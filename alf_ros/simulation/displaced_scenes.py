@@ -160,10 +160,15 @@ class Displaced(NamedTuple):
 
 
 class Pushed(NamedTuple):
-    """A scene as it is, and pushed by 1 N or 1 N m more."""
+    """A scene as it is, and pushed by 1 N or 1 N m more by the force `name`."""
 
+    name: str
     still: DisplacedScene
     by_one: DisplacedScene
+
+    def along(self, around: Displaced) -> Displaced:
+        """Without the push, where a state moves as far as in the scenes `around`."""
+        return Displaced(self.name, around.step, [self.still] * len(OFFSETS))
 
 
 class DisplacedScenes:
@@ -209,7 +214,7 @@ class DisplacedScenes:
         outside; None otherwise."""
         if k not in self._forces:
             return None
-        return Pushed(self._still, self._scene(k, 1.0))
+        return Pushed(self.names[k], self._still, self._scene(k, 1.0))
 
     def along(self, state: State, dq: Floats, dqd: Floats) -> Displaced:
         """The scene itself, for a state that is moved along dq and dqd (blocks D)."""

@@ -128,5 +128,8 @@ def slope_by_push(read: Callable[[Sample], Floats], sample: Sample, pushed: Push
     the right side. So they are affine in it, and one reading with it tells the derivative.
     """
     still = np.zeros_like(sample.state.q)
-    here, there = (read(each.sample(sample.t, sample.state, still, still)) for each in pushed)
+    here, there = (
+        read(each.sample(sample.t, sample.state, still, still))
+        for each in (pushed.still, pushed.by_one)
+    )
     return np.asarray(there - here)

@@ -43,12 +43,13 @@ class QuantityTangents:
         dq, dqd = sample.state.tangents.reshape(-1, 2, sample.state.q.size)[k]
         # the step that ended there, or the first one
         acts = self._places.acting(max(0, sample.state.step - 1))[k]
-        pushed = self.displaced.pushed(k)
-        moves = acts and pushed is None
-        beside = partial(self.displaced.moving, k) if moves else self.displaced.along
+        pushed = self.displaced.pushed(k) if acts else None
+        beside = partial(self.displaced.moving, k) if acts else self.displaced.along
         around = beside(sample.state, dq, dqd)
+        if pushed is not None:
+            around = pushed.along(around)
         slope = slope_along(found.read, found.turns, sample, around, dq, dqd, found.name)
-        if acts and pushed is not None:
+        if pushed is not None:
             slope = slope + slope_by_push(found.read, sample, pushed)
         return read_only(slope) if found.is_vector else float(slope[0])
 

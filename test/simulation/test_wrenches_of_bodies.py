@@ -178,6 +178,31 @@ def test_equals_an_effect_in_its_place(at: str | None) -> None:
             np.testing.assert_allclose(here, there, rtol=0, atol=2e-8 * size, err_msg=quantity)
 
 
+def test_close_to_a_singular_position() -> None:
+    """Which this motion passes: reactions grow towards it, and their slopes stay known."""
+    more = {'more': {'on': 'coupler', 'force': [1, 0]}}
+    effects = {'gravity': {'acceleration': [0, -9.81]}, 'constant_wrench': more}
+    initial = {'velocities': {'B': [-4.0, 0]}}
+    scene = load_scene({'mechanism': 'slider_crank', 'effects': effects, 'initial': initial})
+    names = ['wrenches.coupler.force.x', 'more.force.0']
+    simulation = Simulation(scene, tangents=names, step=1e-3)
+    simulation.apply_wrench('coupler', [0.0, 0.5], 0.2, at='B', frame='body')
+    simulation.step(380)
+    sizes = []
+    while simulation.t < 0.6:
+        simulation.step()
+        try:
+            found, wanted = (
+                np.asarray(simulation.sample().tangents[name].of('reactions.knee.force'))
+                for name in names
+            )
+        except InputError:  # in the steps beside it
+            continue
+        sizes.append(float(np.abs(wanted).max()))
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * sizes[-1])
+    assert max(sizes) > 1e3 and len(sizes) > 200
+
+
 def test_equals_differences_of_runs() -> None:
     """Of the wrench in the world that a second effect holds; the first one turns."""
     simulation = Simulation(load_scene(in_space(EFFECTS)), tangents=[FORCE, f'{FORCE}[50:120]'])
