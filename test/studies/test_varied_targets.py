@@ -10,10 +10,13 @@ import pytest
 
 from alf_ros import Simulation, ensemble, equilibrium_path, gradient, load_scene, optimise
 from alf_ros.__main__ import main as program
+from alf_ros.commands.fork import main as fork
 from alf_ros.errors import InputError
 from alf_ros.logs import load
+from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation import setup as settings
 from support.log_files import make
 
 TARGET, SPEED = 'targets.rail.position', 'targets.rail.velocity'
@@ -125,6 +128,35 @@ def test_a_fork_has_another_target(tmp_path: Path) -> None:
     (made,) = new.rglob('*.mcap')
     (motor,) = load(made).scene(False).effects
     assert motor.parameters.position == 2.0
+
+
+@pytest.mark.parametrize(
+    ('held', 'refused'),
+    [((0.7, None), {TARGET, SPEED}), ((0.7, 0.1), {TARGET, SPEED}), ((None, 0.1), {SPEED})],
+)
+def test_a_fork_in_which_a_target_is_held_is_refused(
+    held: tuple[float | None, float | None], refused: set[str], tmp_path: Path
+) -> None:
+    """Since this one acts in place of the number of the scene. A position brings its slope, so
+    that the velocity of the scene does not act beside it."""
+    run = LogRun(tmp_path / 'log', settings.made(block({'servo': SERVO}), {}))
+    simulation = run.setup.simulation
+    run.send()
+    simulation.apply_target('rail', *held)
+    entry = {'kind': 'target', 'cause': 'command', 'name': 'rail'}
+    run.note({**entry, 'position': held[0], 'velocity': held[1]})
+    for _ in range(10):
+        simulation.step(run.setup.steps)
+        run.send()
+    run.close()
+    for name in (TARGET, SPEED):
+        new = tmp_path / name
+        given = [str(run.recorder.path), '--at', '0.02', '-o', str(new), '--set', f'{name}=2']
+        if name in refused:
+            with pytest.raises(InputError, match='--set: has no effect: a target from outside'):
+                fork(given)
+        else:
+            assert fork(given) == 0
 
 
 def test_the_target_of_a_tendon() -> None:
