@@ -85,6 +85,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
             turned = p.frame == 'body'
             F = layout.vector(p.on, p.force) if turned else constant(p.force)
             Q.add_force(place(layout, p.on, p.at), F)
-        if np.any(torque):
+        # alone, a torque of 0 has its place too: it has a derivative, as a force of 0 has one
+        if np.any(torque) or (not p.force and layout.turns(p.on)):
             Q.add_torque(layout, p.on, torque, p.frame == 'body')
     return Q.packed()

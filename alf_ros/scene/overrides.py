@@ -23,6 +23,7 @@ from alf_ros.scene.input_effects import input_effect
 from alf_ros.scene.mechanism_file import read_parameters
 from alf_ros.scene.rereading import reading_of
 from alf_ros.scene.scene import PICKED, Scene, load_scene
+from alf_ros.scene.target_numbers import place_of_target
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
@@ -71,8 +72,8 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
 
 
 def with_inputs(scene: Scene, names: Collection[str]) -> Scene:
-    """The scene with an effect of zero for each of the names that is of an input, and of no number
-    of the scene. Raises InputError for a joint or a body that it does not have."""
+    """The scene with an effect of zero for each of the names that is of an effort or a wrench, and
+    of no number of the scene. Raises InputError for a joint or a body that it does not have."""
     root = scene.document.root
     for name in names:
         effect = input_effect(name, root)
@@ -198,6 +199,22 @@ def _numbers(node: Entry, name: str, parameters: Mapping[str, float]) -> Iterato
             yield from _numbers(inner, f'{name}.{key}', parameters)
 
 
+def is_target(scene: Scene, name: str) -> bool:
+    """Whether a name is of what a motor or a tendon of the scene follows, as an input has it, and
+    not of a part of the scene that is called `targets`."""
+    return name.startswith('targets.') and number_name(scene, name) != name
+
+
+def number_name(scene: Scene, name: str) -> str:
+    """The name as the text of the scene has it, of a target; any other name as it is."""
+    try:
+        place = _place(scene.document.root, name, '')
+    except InputError:
+        return name
+    is_alias = name.startswith('targets.') and 'targets' not in place
+    return '.'.join(place) if is_alias else name
+
+
 def section(scene: Scene, name: str) -> str:
     """The section of a scene that has the value of this name: 'mechanism', 'drives', 'effects',
     'initial', 'solver'. Raises InputError for an unknown name."""
@@ -239,6 +256,9 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
         if effect is not None and effect.is_in(root):
             return effect.place
         _refuse_input(root, name, said)
+    target = place_of_target(name, root, said) if not found else None
+    if target is not None:
+        return target
     if not found and not rest:
         inside = _numbers_of_parts(root, first)
         if inside:

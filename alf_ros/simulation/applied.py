@@ -177,6 +177,7 @@ class Applied:
         self._elsewhere: tuple[Layout, Effects] | None = None
         known = before._held if before is not None else {}
         wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
+        wanted |= {('added', name): wrench for name, wrench in inputs.added.items()}
         efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
         self._held: dict[tuple[str, str], Held] = {}
         self._known: tuple[Forces, Mapping[tuple[str, str], Held]] | None = None

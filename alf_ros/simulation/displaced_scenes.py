@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -159,6 +159,18 @@ class Displaced(NamedTuple):
     scenes: Sequence[DisplacedScene]
 
 
+class Pushed(NamedTuple):
+    """A scene as it is, and pushed by 1 N or 1 N m more by the force `name`."""
+
+    name: str
+    still: DisplacedScene
+    by_one: DisplacedScene
+
+    def along(self, around: Displaced) -> Displaced:
+        """Without the push, where a state moves as far as in the scenes `around`."""
+        return Displaced(self.name, around.step, [self.still] * len(OFFSETS))
+
+
 class DisplacedScenes:
     """For each of P numbers eight scenes around a scene, made when they are asked for."""
 
@@ -169,11 +181,14 @@ class DisplacedScenes:
         steps: Floats,
         changed: Callable[[int, float], Scene | Callable[[Inputs], Inputs]],
         middle: Middle,
+        forces: Collection[int] = (),
     ) -> None:
         """values, steps (P,): of the numbers, and of the differences at first. changed: the scene
-        with another value of number k, or what adds the value to the inputs held."""
+        with another value of number k, or what adds the value to the inputs held. forces: the
+        numbers that are efforts or wrenches from outside."""
         self.names, self._values, self._steps = tuple(names), values, steps
         self._changed, self._middle = changed, middle
+        self._forces = frozenset(forces)
         self._found: dict[tuple[int, int], Displaced] = {}
         self._still = DisplacedScene(middle.scene, middle)
 
@@ -193,6 +208,13 @@ class DisplacedScenes:
         per unit of the number."""
         times = float(self._steps[k]) / self._longest(state, dq, dqd)
         return self.around(k, max(0, math.ceil(math.log2(max(times, 1.0)))))
+
+    def pushed(self, k: int) -> Pushed | None:
+        """The scene without and with a unit of number k, if that is an effort or a wrench from
+        outside; None otherwise."""
+        if k not in self._forces:
+            return None
+        return Pushed(self.names[k], self._still, self._scene(k, 1.0))
 
     def along(self, state: State, dq: Floats, dqd: Floats) -> Displaced:
         """The scene itself, for a state that is moved along dq and dqd (blocks D)."""

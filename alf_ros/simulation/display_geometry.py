@@ -116,7 +116,7 @@ def held_forces(sample: Sample) -> tuple[Floats, Floats]:
     frames = dict(zip(sample.model.body_names, poses(sample), strict=True))
     bodies = {body.name: body for body in sample.model.mechanism.bodies}
     places, forces = np.zeros((0, 3)), np.zeros((0, 3))
-    for name, wrench in sample.inputs.wrenches.items():
+    for name, wrench in sample.inputs.all_wrenches:
         (force,) = in_space(np.array([wrench.force]))
         if name in bodies:
             body, frame = bodies[name], frames[name]

@@ -165,6 +165,7 @@ def checked_inputs(model: Model, effects: Sequence[Effect], inputs: Any) -> Inpu
         raise InputError('not the held inputs', key='state.inputs', value=inputs)
     for kind, held, wanted in (
         ('wrenches', inputs.wrenches, Wrench),
+        ('added', inputs.added, Wrench),
         ('efforts', inputs.efforts, (Real, Curve)),
         ('targets', inputs.targets, Target),
     ):
@@ -173,7 +174,7 @@ def checked_inputs(model: Model, effects: Sequence[Effect], inputs: Any) -> Inpu
         for name, what in held.items():
             if not isinstance(what, wanted):
                 raise InputError('not the held inputs', key=text(name, kind), value=what)
-    for name, wrench in inputs.wrenches.items():
+    for name, wrench in inputs.all_wrenches:
         checked_wrench_of(model, name, wrench.force, wrench.torque, wrench.at, wrench.frame)
     for name, effort in inputs.efforts.items():
         checked_effort(model, text(name, 'joint'), effort)

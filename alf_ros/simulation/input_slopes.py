@@ -29,9 +29,12 @@ _LINEAR = 1e-12  # of the size of a number, by which data that are linear in it 
 
 
 def is_input(name: str, scene: Scene) -> bool:
-    """Whether a name is of an input, and not of a number of the scene."""
+    """Whether a name is of an input, and not of a number of the scene. A target is an input: one
+    from outside acts in place of the number of its motor."""
     if _NAME.fullmatch(name) is None:
         return False
+    if overrides.is_target(scene, name):
+        return True
     try:
         overrides.number(scene, name)
     except InputError:

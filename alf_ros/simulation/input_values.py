@@ -33,11 +33,21 @@ class Target:
 @dataclass(frozen=True)
 class Inputs:
     """All that is held from outside: wrenches by body or point, efforts (N m or N) by joint, and
-    targets of motors by joint, of tendons by their names."""
+    targets of motors by joint, of tendons by their names.
+
+    added: wrenches by body beside those, in the world frame at the centre of mass: numbers that
+    are added to a wrench in the frame of the body, or at a point of it.
+    """
 
     wrenches: Mapping[str, Wrench]
     efforts: Mapping[str, float | Curve]
     targets: Mapping[str, Target] = field(default_factory=dict)
+    added: Mapping[str, Wrench] = field(default_factory=dict)
+
+    @property
+    def all_wrenches(self) -> tuple[tuple[str, Wrench], ...]:
+        """Each wrench that acts, with its body or point."""
+        return (*self.wrenches.items(), *self.added.items())
 
 
 NO_INPUTS = Inputs({}, {})

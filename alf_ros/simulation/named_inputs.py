@@ -96,13 +96,12 @@ def _with_wrench(
     inputs: Inputs,
     value: float,
 ) -> Inputs:
-    now = inputs.wrenches.get(name, Wrench((0.0,) * dimension))
-    if now.frame != 'world' or now.at is not None:
-        raise InputError(
-            'a wrench is held there in the frame of the body, or at a point of it',
-            key=f'wrenches.{name}',
-            expected='a wrench in the world frame at the centre of mass',
-        )
+    none = Wrench((0.0,) * dimension)
+    now = inputs.wrenches.get(name, none)
+    # one that turns with the body, or acts elsewhere, is no sum with a wrench in the world
+    is_beside = now.frame != 'world' or now.at is not None
+    if is_beside:
+        now = inputs.added.get(name, none)
     if force is not None:
         whole = np.array(now.force, dtype=float)
         whole[force] += value
@@ -113,6 +112,8 @@ def _with_wrench(
         turning[torque] += value
         held = tuple(turning.tolist()) if dimension == 3 else float(turning[0])
         changed = replace(now, torque=held)
+    if is_beside:
+        return replace(inputs, added={**inputs.added, name: changed})
     return replace(inputs, wrenches={**inputs.wrenches, name: changed})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation.differences import OFFSETS, slope
-from alf_ros.simulation.displaced_scenes import Displaced
+from alf_ros.simulation.displaced_scenes import Displaced, Pushed
 from alf_ros.simulation.full_names import full_name
 from alf_ros.simulation.quantities import Group, groups, open_components
 from alf_ros.simulation.sample import Sample
@@ -118,3 +118,18 @@ def slope_along(
         change -= 2.0 * np.pi * np.round(change / (2.0 * np.pi))
     size = float(np.abs(here).max(initial=size))
     return slope(change, around.step, around.name, f'{what} at t = {sample.t:.6g} s', size)
+
+
+def slope_by_push(read: Callable[[Sample], Floats], sample: Sample, pushed: Pushed) -> Floats:
+    """(components,) the derivative of a reading by an effort or a wrench from outside, where the
+    state stays.
+
+    Accelerations, multipliers and reactions solve linear equations, in which such a force is on
+    the right side. So they are affine in it, and one reading with it tells the derivative.
+    """
+    still = np.zeros_like(sample.state.q)
+    here, there = (
+        read(each.sample(sample.t, sample.state, still, still))
+        for each in (pushed.still, pushed.by_one)
+    )
+    return np.asarray(there - here)

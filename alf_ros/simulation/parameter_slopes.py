@@ -265,7 +265,7 @@ class ParameterSlopes:
 
     def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
         """The slope of the data of the effects, with inputs held."""
-        if self._kept is not None and not inputs.wrenches:  # these may act where a mass is
+        if self._kept is not None and not inputs.all_wrenches:  # these may act where a mass is
             return self._kept.params(inputs)
         return self._still if inputs == NO_INPUTS else self._params(inputs)
 

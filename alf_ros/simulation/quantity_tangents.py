@@ -15,7 +15,7 @@ from alf_ros.simulation.displaced_scenes import DisplacedScenes, Middle
 from alf_ros.simulation.input_slopes import InputSlopes, Slopes
 from alf_ros.simulation.input_values import Inputs
 from alf_ros.simulation.named_inputs import NamedInput
-from alf_ros.simulation.named_quantity import named_quantity, slope_along
+from alf_ros.simulation.named_quantity import named_quantity, slope_along, slope_by_push
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.parameter_slopes import LONGEST
 from alf_ros.simulation.sample import Sample
@@ -31,7 +31,8 @@ class QuantityTangents:
         steps = LONGEST * np.where(values == 0.0, 1.0, np.abs(values))
         changed = partial(_changed, tuple(following.slopes), middle.scene)
         self._places = following.places
-        self.displaced = DisplacedScenes(following.names, values, steps, changed, middle)
+        forces = [k for k, each in enumerate(following.slopes) if _is_force(each)]
+        self.displaced = DisplacedScenes(following.names, values, steps, changed, middle, forces)
 
     def of(self, sample: Sample, k: int, name: str) -> float | Floats:
         """Of a quantity by parameter k: a number, or (components,). Raises InputError."""
@@ -42,10 +43,20 @@ class QuantityTangents:
         dq, dqd = sample.state.tangents.reshape(-1, 2, sample.state.q.size)[k]
         # the step that ended there, or the first one
         acts = self._places.acting(max(0, sample.state.step - 1))[k]
+        pushed = self.displaced.pushed(k) if acts else None
         beside = partial(self.displaced.moving, k) if acts else self.displaced.along
         around = beside(sample.state, dq, dqd)
+        if pushed is not None:
+            around = pushed.along(around)
         slope = slope_along(found.read, found.turns, sample, around, dq, dqd, found.name)
+        if pushed is not None:
+            slope = slope + slope_by_push(found.read, sample, pushed)
         return read_only(slope) if found.is_vector else float(slope[0])
+
+
+def _is_force(slopes: Slopes) -> bool:
+    """Whether a number is an effort or a wrench from outside."""
+    return isinstance(slopes, InputSlopes) and not slopes.is_target
 
 
 def _pushed(by: NamedInput, value: float, inputs: Inputs) -> Inputs:

@@ -49,8 +49,9 @@ class MotionTangent(Keeper):
         """Of a quantity by name, as of `record`: `reactions.knee.force`, `joints.knee.effort`,
         `powers.spring`, `energy`; a number, or (components,).
 
-        Along the derivatives of q and q̇ the quantity is read in eight scenes around this one; the
-        difference is off by about 1e-11 of the largest value. Raises InputError for a quantity
+        Along the derivatives of q and q̇ the quantity is read in eight scenes around this one, or
+        in this one and once more by an effort or a wrench from outside; the difference is off by
+        about 1e-11 of the largest value. Raises InputError for a quantity
         without a derivative, and where it is not smooth.
         """
         return self._quantity(quantity)

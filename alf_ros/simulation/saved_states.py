@@ -34,15 +34,16 @@ def as_data(state: State) -> dict[str, Any]:
     inputs = fields.pop('inputs')
     fields.pop('h')  # files and logs have it among their settings
     data = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in fields.items()}
-    wrenches = {name: _as_lists(wrench) for name, wrench in inputs.wrenches.items()}
     held = {
-        'wrenches': wrenches,
+        'wrenches': {name: _as_lists(wrench) for name, wrench in inputs.wrenches.items()},
         'efforts': {name: _plain(effort) for name, effort in inputs.efforts.items()},
         'targets': {
             name: {'position': _plain(target.position), 'velocity': target.velocity}
             for name, target in inputs.targets.items()
         },
     }
+    if inputs.added:
+        held['added'] = {name: _as_lists(wrench) for name, wrench in inputs.added.items()}
     return {**data, 'inputs': held}
 
 
@@ -73,7 +74,10 @@ def from_data(data: Any, like: State) -> State:
     in a line, if it is not such a state."""
     fields = _mapping(data, 'state')
     inputs = _mapping(fields.get('inputs'), 'inputs')
-    wrenches = {name: _wrench(x) for name, x in _mapping(inputs.get('wrenches')).items()}
+    wrenches, added = (
+        {name: _wrench(x) for name, x in _mapping(each).items()}
+        for each in (inputs.get('wrenches'), inputs.get('added', {}))
+    )
     efforts = {
         name: _number_or_curve(x, f'effort on {name}')
         for name, x in _mapping(inputs.get('efforts')).items()
@@ -91,7 +95,7 @@ def from_data(data: Any, like: State) -> State:
         turns=_array(fields.get('turns'), like.turns, 'turns'),
         pace=_number(fields.get('pace'), 'pace', 0.0),
         carried=_array(fields.get('carried'), like.carried, 'carried'),
-        inputs=Inputs(wrenches, efforts, targets),
+        inputs=Inputs(wrenches, efforts, targets, added),
         works={name: _number(work, f'work of {name}') for name, work in works.items()},
         loads=_array(loads, like.loads, 'loads') if loads else np.zeros_like(like.loads),
         sums=_array(sums, like.sums, 'sums') if sums else np.zeros(0),

@@ -68,7 +68,7 @@ def test_a_fork_is_pushed(tmp_path: Path) -> None:
         ('joints.crank_pn.effort', "joints.crank_pn.effort.*got 'crank_pn'.*'crank_pin'"),
         ('wrenches.Q.force.x', "wrenches.Q.force.x.*got 'Q'"),
         ('wrenches.coupler.torque.z', 'a single value has no parts'),
-        ('targets.crank_pin.position', 'nothing of this name'),
+        ('targets.crank_pin.position', 'no motor or tendon of the scene follows one'),
     ],
 )
 def test_what_is_refused(name: str, told: str) -> None:

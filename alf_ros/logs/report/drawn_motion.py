@@ -201,7 +201,7 @@ class _Film:
         if self._shown is not None:
             places = np.vstack([places, self._shown.places(poses(sample))])
         self.places.append(places)
-        held = np.hstack(held_forces(sample)) if sample.inputs.wrenches else np.zeros((0, 6))
+        held = np.hstack(held_forces(sample)) if sample.inputs.all_wrenches else np.zeros((0, 6))
         self._held.append(held)
 
     def _hold(self, t: float) -> None:

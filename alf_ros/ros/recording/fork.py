@@ -139,6 +139,13 @@ def _change(
         if name.partition('.')[0] == 'initial':
             said = 'has no effect: a fork begins in the state of the log'
             raise InputError(said, key='--set', value=name)
+    for target, held in before.state.inputs.targets.items():
+        # with a position from outside, the velocity is the one from outside, or the slope of it
+        for what, by in (('position', held.position), ('velocity', held.velocity)):
+            name, acts = f'targets.{target}.{what}', held.position is None and by is None
+            if name in changes and not acts:
+                said = 'has no effect: a target from outside is held there'
+                raise InputError(said, key='--set', value=name)
     scene = overrides.with_changes(rerun.scene, changes)
     own = {key: getattr(scene.solver, key) for key in changed}
     solver = dataclasses.asdict(before.solver)

@@ -25,7 +25,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation.closed_instant import ClosedInstant
 from alf_ros.simulation.displaced_scenes import Displaced, DisplacedScenes
-from alf_ros.simulation.named_quantity import NamedQuantity, slope_along
+from alf_ros.simulation.named_quantity import NamedQuantity, slope_along, slope_by_push
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.gradients.bars import Bars
 
@@ -72,5 +72,10 @@ class AlongFreeDirections:
             dqd[:n] = z
             to.qd[:n] += along(self.beside.along, still, dqd) * z
         for k in range(len(self.beside.names)):
+            pushed = self.beside.pushed(k)
+            if pushed is not None:
+                slope = slope_by_push(self.quantity.read, sample, pushed)
+                to.numbers[k] += float(weights @ slope)
+                continue
             dq, dqd = instant.smallest(self.beside.around(k))
             to.numbers[k] += along(partial(self.beside.moving, k), dq, dqd)

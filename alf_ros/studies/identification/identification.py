@@ -11,6 +11,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError, StoppedError
+from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation.input_checks import by_name, choice, number, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
@@ -37,6 +38,7 @@ from alf_ros.studies.identification.shared_numbers import (
     Shared,
     names_to_fit,
     near_margin,
+    scene_to_fit,
     shared_numbers,
     widest_margin,
     within_margin,
@@ -97,17 +99,20 @@ def identify(
     limits = by_name(bounds, 'bounds', '{name: (least, largest)}')
     known = by_name(priors, 'priors', '{name: (mean, standard deviation)}')
     given = dict(by_name(noise, 'noise', '{channel: standard deviation}'))
+    loaded = scene_to_fit(loaded, names)
     shared = shared_numbers(loaded, names, limits, known, late)
     read = _recordings(recordings, loaded, topics)
     channels = [(n, channel) for n, each in enumerate(read) for channel in each.channels]
     each_channel = [channel for _, channel in channels]
-    runs = WindowRuns(loaded, names, each_channel, late)
+    # by the numbers of motors: targets that are held in a recording act in place of these
+    own = [overrides.number_name(loaded, name) for name in names]
+    runs = WindowRuns(loaded, own, each_channel, late)
     windows = cut(read, channels, length, runs.h, part, widest_margin(shared, late))
     windows = _tracked(runs, read, windows)
     levels = noise_levels.first_levels(each_channel, given)
     away = sum(w.kept_away for w in windows)
     say(f'{len(windows) - away} windows to fit, {away} kept away, {len(names)} numbers')
-    work = _Work(runs, channels, windows, levels, loss, given, say)
+    work = _Work(names, runs, channels, windows, levels, loss, given, say)
     return work.identified(loaded, read, shared)
 
 
@@ -116,6 +121,7 @@ class _Work:
 
     def __init__(
         self,
+        names: Sequence[str],
         runs: WindowRuns,
         channels: Sequence[tuple[int, MeasuredChannel]],
         windows: Sequence[Window],
@@ -124,7 +130,7 @@ class _Work:
         given: Mapping[str, float],
         say: Report,
     ) -> None:
-        self._runs, self._measured = runs, channels
+        self._names, self._runs, self._measured = names, runs, channels
         self._fitted = [w for w in windows if not w.kept_away]
         self._away = [w for w in windows if w.kept_away]
         self._levels, self._loss, self._given, self._say = levels, loss, given, say
@@ -141,7 +147,7 @@ class _Work:
         held = self._fit(self._away)
         held_free = best_starts(held, solution.shared, [_free(w) for w in self._away], FINE)
         held_after = self._residuals(held, self._away, held_free, solution.shared)
-        names = [*runs.names, DELAY] if runs.delay else list(runs.names)
+        names = [*self._names, DELAY] if runs.delay else list(self._names)
         return Identification(
             scene=scene,
             names=tuple(names),

@@ -201,6 +201,13 @@ class RecordedInputs:
     def held_before(self, own: log.Log) -> None:
         """The inputs in the state with which a log begins."""
         held = own.info.get('state', {}).get('inputs', {})
+        for name in held.get('added', {}):
+            raise InputError(
+                'its state holds two wrenches there',
+                file=str(self._names.path),
+                key=name,
+                expected='one wrench on a body',
+            )
         for kind, each in (('wrench', 'wrenches'), ('effort', 'efforts'), ('target', 'targets')):
             for name, what in held.get(each, {}).items():
                 self._hold(0.0, kind, name, {'effort': what} if kind == 'effort' else what)

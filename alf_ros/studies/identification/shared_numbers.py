@@ -14,6 +14,7 @@ from alf_ros.errors import InputError, argument_of
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import is_number
+from alf_ros.simulation.input_slopes import is_input
 from alf_ros.simulation.tangent_following import checked_names
 from alf_ros.studies.identification.weighed_windows import UNSEEN
 
@@ -49,6 +50,26 @@ def names_to_fit(fit: object) -> tuple[str, ...]:
     if not names:
         raise InputError('nothing to fit', key='fit', expected="['coupler.mass', …]")
     return names
+
+
+def scene_to_fit(scene: Scene, names: Sequence[str]) -> Scene:
+    """The scene with an effect of zero for each effort and each wrench from outside among the
+    names (`overrides.with_inputs`). Raises InputError for one that the scene cannot take, and for
+    one that acts in some steps alone."""
+    for name in names:
+        whole, steps, _ = name.partition('[')
+        if steps and is_input(name, scene):
+            over_time = ', or a motor with a table of its effort' * whole.startswith('joints.')
+            raise InputError(
+                'acts in some of the steps: a scene has no number of it',
+                key='fit',
+                value=name,
+                expected=f'{whole}, which acts in the whole recording{over_time}',
+            )
+    try:
+        return overrides.with_inputs(scene, names)
+    except InputError as error:
+        raise error.about(f'fit.{error.key}' if error.key in names else 'fit') from None
 
 
 def shared_numbers(

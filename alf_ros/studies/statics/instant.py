@@ -75,7 +75,7 @@ class Loads:
     @property
     def _held(self) -> list[Effect]:
         axes = {each.name: each.freedom.alone for each in self.model.coordinates}
-        wrenches = [packed_input(WRENCH, *each) for each in self.inputs.wrenches.items()]
+        wrenches = [packed_input(WRENCH, *each) for each in self.inputs.all_wrenches]
         efforts = []
         for name, what in self.inputs.efforts.items():
             steady = isinstance(what, float) and axes[name]

@@ -101,6 +101,9 @@ class VariedScene:
         first, last = over.partition('.')[0], over.rpartition('.')[2]
         if first in _FIXED:
             raise InputError('does not move the position of rest', key='over', value=over)
+        if overrides.is_target(self._base.scene, over):  # added to the one that is held
+            self._find_input(over)
+            return
         try:
             self.present = overrides.number(self._base.scene, over)
             self._of_effects = overrides.section(self._base.scene, over) == 'effects'
