@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 from support.paths import ROOT
+from support.syntax import BLOCKS, parsed, statements
 
 PACKAGE = ROOT / 'alf_ros'
 
@@ -60,18 +61,12 @@ def room(module):
 
 
 @functools.cache
-def parsed(path):
-    """The syntax tree of a file."""
-    return ast.parse(path.read_text(encoding='utf-8'))
-
-
-@functools.cache
 def imports(path, at_import=False):
     """Return the dotted names a file imports; with `at_import` only what importing it needs."""
     found: set[str] = set()
 
     def visit(node):
-        if at_import and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+        if at_import and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             return
         if at_import and isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
             return
@@ -80,8 +75,9 @@ def imports(path, at_import=False):
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f'{path.name}:{node.lineno}: relative import'
             found.update(f'{node.module}.{alias.name}' for alias in node.names)
-        for child in ast.iter_child_nodes(node):
-            visit(child)
+        for block in BLOCKS:
+            for child in getattr(node, block, ()):
+                visit(child)
 
     visit(parsed(path))
     return found
@@ -124,7 +120,7 @@ def test_nothing_of_ours_is_hidden_from_the_interpreter():
         f'{module}:{node.lineno}: {ast.unparse(node)}'
         for module, path in MODULES.items()
         if module != '__init__'  # it imports when asked
-        for node in ast.walk(parsed(path))
+        for node in statements(parsed(path))
         if isinstance(node, ast.If)
         and 'TYPE_CHECKING' in ast.unparse(node.test)
         and 'alf_ros' in ast.unparse(node)

@@ -7,6 +7,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from support.paths import ROOT
+from support.syntax import parsed, statements
 
 PACKAGE = ROOT / 'alf_ros'
 # Files of one name that are about one thing, and why there are two.
@@ -55,7 +56,7 @@ def test_files() -> None:
 def test_classes() -> None:
     found: dict[str, list[str]] = defaultdict(list)
     for path in files():
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        for node in statements(parsed(path)):
             if isinstance(node, ast.ClassDef) and not node.name.startswith('_'):
                 found[node.name].append(path.relative_to(PACKAGE).as_posix())
     twice = {name: paths for name, paths in found.items() if len(paths) > 1}

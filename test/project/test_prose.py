@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.paths import ROOT
+from support.syntax import parsed, statements
 
 ROOT_PAGES = ('README.md', 'CONTRIBUTING.md', 'SECURITY.md', 'QUALITY_DECLARATION.md')
 PAGES = [ROOT / file for file in ROOT_PAGES]
@@ -209,7 +210,7 @@ def modules() -> dict[str, ast.Module]:
     """All modules of the package, by path."""
     package = ROOT / 'alf_ros'
     found = {
-        path.relative_to(package).as_posix(): ast.parse(path.read_text('utf-8'))
+        path.relative_to(package).as_posix(): parsed(path)
         for path in sorted(package.rglob('*.py'))
     }
     assert len(found) > 300
@@ -230,7 +231,7 @@ def outside(place: str) -> dict[str, ast.Module]:
     root = ROOT / place
     found = [root] if root.is_file() else sorted(root.rglob('*.py'))
     assert found
-    return {name(path): ast.parse(path.read_text('utf-8')) for path in found}
+    return {name(path): parsed(path) for path in found}
 
 
 # In a docstring that defines fields one after another a sentence may be long.
@@ -245,7 +246,7 @@ def unclear(modules: dict[str, ast.Module]) -> list[str]:
     """
     found: list[str] = []
     for module, tree in modules.items():
-        for node in ast.walk(tree):
+        for node in statements(tree):
             if not isinstance(node, ast.Module | Definition):
                 continue
             text = ast.get_docstring(node)
