@@ -98,11 +98,11 @@ def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) 
             has = unless(abs(turn) * h <= _LEAST * dd)
             if nowhere(has):
                 continue
-            long = np.sqrt(dd)
-            curvature = 1.0 / long
-            put(chart.t, i, packed(unit, -d[1] / long, d[0] / long, 0.0))
-            put(chart.n, i, (-1.0 / long) * d)
-            rate = packed(unit, turn / long, -dot(d, v) / long, 0.0)
+            radius = np.sqrt(dd)
+            curvature = 1.0 / radius
+            put(chart.t, i, packed(unit, -curvature * d[1], curvature * d[0], 0.0))
+            put(chart.n, i, (-curvature) * d)
+            rate = packed(unit, curvature * turn, -curvature * dot(d, v), 0.0)
         else:
             b, vv = relative(unit, arms, i, work.bend), dot(v, v)
             fast, vb = np.sqrt(vv), dot(v, b)
@@ -114,15 +114,16 @@ def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) 
             has = has & unless(across * np.sqrt(dot(d, d)) > _SHARPEST * vv)
             if nowhere(has):
                 continue
-            curvature = across / vv
+            curvature, radius = across / vv, vv / across
             t, n = (1.0 / fast) * v, (1.0 / across) * (b - (vb / vv) * v)
             put(chart.t, i, t)
             put(chart.n, i, n)
             put(chart.b, i, cross(t, n))
             rate = packed(unit, fast, 0.0, 0.0)
-        chart.curvature[i] = pick(has, curvature, 0.0)
+        chart.curvature[i], chart.radius[i] = pick(has, curvature, 0.0), radius
         put(chart.rate, i, pick(has, rate, block(unit, phase.qd, i)))
-        chart.sin[i], chart.cos[i], chart.rho[i] = 0.0, 1.0, 1.0
+        chart.sin[i], chart.cos[i] = 0.0, 1.0
+        chart.rho[i], chart.per_rho[i] = 1.0, 1.0
         some = some | has
     return some
 
@@ -236,13 +237,15 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
             put(work.q, i, place)
             continue
         xi, xid, w = block(unit, work.q, i), block(unit, work.qd, i), block(unit, p, i)
-        rho = 1.0 - k * xi[1]
+        rho, radius = 1.0 - k * xi[1], chart.radius[i]
+        per_rho = 1.0 / rho
         sin, cos, versine = _turned(k * xi[0])
-        chart.sin[i], chart.cos[i], chart.rho[i] = sin, cos, rho
-        d = (rho * sin / k) * block(unit, chart.t, i)
-        d = d + (xi[1] * cos + versine / k) * block(unit, chart.n, i)
+        chart.sin[i], chart.cos[i] = sin, cos
+        chart.rho[i], chart.per_rho[i] = rho, per_rho
+        d = (rho * sin * radius) * block(unit, chart.t, i)
+        d = d + (xi[1] * cos + versine * radius) * block(unit, chart.n, i)
         v = composed(unit, chart, i, packed(unit, rho * xid[0], xid[1], _third(unit, xid)))
-        P = composed(unit, chart, i, packed(unit, w[0] / rho, w[1], _third(unit, w)))
+        P = composed(unit, chart, i, packed(unit, w[0] * per_rho, w[1], _third(unit, w)))
         put(p, i, pick(flat, w, P))
         if len(unit) != 2:
             d = d + xi[2] * block(unit, chart.b, i)
@@ -335,11 +338,11 @@ def fold(unit: Unit, system: System, work: Work, qd: Floats, qdd: Floats, s: np.
         u = components(unit, chart, i, relative(unit, arms, i, qd))
         v = components(unit, chart, i, relative(unit, arms, i, qdd))
         P, w = components(unit, chart, i, c), block(unit, chart.w, i)
-        rho, cd = chart.rho[i], u[1]
-        ad = u[0] / rho
-        wt, wn = w[0] / rho, w[1]
+        rho, per_rho, cd = chart.rho[i], chart.per_rho[i], u[1]
+        ad = u[0] * per_rho
+        wt, wn = w[0] * per_rho, w[1]
         put(k, xi, pick(flat, a, packed(unit, ad, cd, _third(unit, u))))
-        along, inward = (v[0] + 2.0 * bent * ad * cd) / rho, v[1] - bent * rho * ad * ad
+        along, inward = (v[0] + 2.0 * bent * ad * cd) * per_rho, v[1] - bent * rho * ad * ad
         put(k, xid, pick(flat, b, packed(unit, along, inward, _third(unit, v))))
         along, inward = rho * P[0] + bent * (rho * ad * wn - cd * wt), P[1] - bent * ad * wt
         put(k, wd, pick(flat, c, packed(unit, along, inward, _third(unit, P))))

@@ -107,7 +107,8 @@ def restore_end(problem: Problem) -> None:
     copy(ended.qd, work.qd)
     copy(ended.sin, chart.sin)
     copy(ended.cos, chart.cos)
-    copy(ended.rho, chart.rho)
+    for i in range(chart.rho.size):
+        chart.rho[i], chart.per_rho[i] = ended.rho[i], 1.0 / ended.rho[i]
 
 
 @inner

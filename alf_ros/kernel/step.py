@@ -50,11 +50,12 @@ from alf_ros.kernel.interpolated_stages import (
 from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, expanded, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, expanded, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere
 from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.vectors import (
     add_times,
+    add_two_times,
     copy,
     copy_first,
     furthest,
@@ -184,16 +185,22 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
     n, stages, chart, total = work.p.size, method.b.size, work.chart, work.total
     arcs = anywhere(chart.arcs[0] > 0)
     used = THREE * n if arcs else TWO * n
-    begun = False
+    # the first term alone, then two at a time, each beside the last one that waits
+    begun, waits, before = False, 0.0, section(work.k, ZERO, used)
     for m in range(s):
         part = method.a[s * stages + m] if s < stages else method.b[m]
         if part != 0.0:
             rates = section(work.k, m * THREE * n, used)
-            if begun:
-                add_times(h * part, rates, total, used)
-            else:
+            if not begun:
                 put_times(h * part, rates, total, used)
+            elif waits == 0.0:
+                waits, before = part, rates
+            else:
+                add_two_times(h * waits, before, h * part, rates, total, used)
+                waits = 0.0
             begun = True
+    if waits != 0.0:
+        add_times(h * waits, before, total, used)
     if not begun:
         zero(total)
     copy_first(total, work.q, n)

@@ -318,6 +318,7 @@ def restore_arcs(tape: Tape, work: Work, s: np.uint64) -> None:
     copy(section(tape.sigma, s * rows, rows), work.sigma)
     for i in range(chart.rho.size):
         chart.rho[i] = 1.0 - chart.curvature[i] * work.total[i * TWO + ONE]
+        chart.per_rho[i] = 1.0 / chart.rho[i]
 
 
 @inner

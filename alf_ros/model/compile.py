@@ -445,7 +445,7 @@ def _workspaces(
     for names, size in ((_OF_BLOCKS, whole), (_OF_MOVABLE, n), (_OF_ROWS, m)):
         sizes |= dict.fromkeys(names, size)
     of_chart = dict.fromkeys(('t', 'n', 'rate', 'momentum', 'rest', 'w'), n)
-    of_chart |= dict.fromkeys(('curvature', 'sin', 'cos', 'rho'), n // D)
+    of_chart |= dict.fromkeys(('curvature', 'radius', 'sin', 'cos', 'rho', 'per_rho'), n // D)
     of_chart |= {'b': n if D == 3 else 0, 'first': whole, 'arcs': 1}
     of_end = dict.fromkeys(('q', 'qd'), whole if stages else 0)
     of_end |= dict.fromkeys(('xi', 'xid'), n if stages else 0)

@@ -17,6 +17,7 @@ class Chart(Struct):
 
     arcs: Integers  # (1,) 1 if a block has one
     curvature: Floats  # (movable,) κ, 1/m; 0: they are places
+    radius: Floats  # (movable,) 1/κ, m, of those with an arc
     t: Floats  # (movable D,) tangent where the step begins
     n: Floats  # (movable D,) normal
     b: Floats  # (movable D,) t × n; (0,) in the plane
@@ -28,6 +29,7 @@ class Chart(Struct):
     sin: Floats  # (movable,) of κa, where it was unfolded last
     cos: Floats  # (movable,)
     rho: Floats  # (movable,) 1 - κc
+    per_rho: Floats  # (movable,) 1/(1 - κc): to divide takes long
 
 
 @dataclass(frozen=True, eq=False)

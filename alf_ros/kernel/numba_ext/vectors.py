@@ -106,6 +106,18 @@ def add_times(weight: float, of: Floats, to: Floats, n: np.uint64) -> None:
 
 
 @inlined
+def add_two_times(
+    weight: float, of: Floats, other_weight: float, other: Floats, to: Floats, n: np.uint64
+) -> None:
+    """`add_times` twice, with the same bits; it reads and writes `to` once."""
+    for i in each(0, n // FOUR):
+        first = block(FOURS, to, i) + weight * block(FOURS, of, i)
+        put(to, i, first + other_weight * block(FOURS, other, i))
+    for i in each(n - n % FOUR, n):
+        to[i] = to[i] + weight * of[i] + other_weight * other[i]
+
+
+@inlined
 def put_sum(u: Floats, v: Floats, to: Floats, n: np.uint64) -> None:
     """to = u + v, the first n numbers."""
     for i in each(0, n // FOUR):
