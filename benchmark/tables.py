@@ -353,7 +353,7 @@ def trees() -> str:
     about, found = rows('trees.csv')
     head = (
         'robot | base | joints | alf_ros, ms/s | MuJoCo, ms/s | ratio | evaluations/s | '
-        'of MuJoCo | µs an evaluation | of these at least | of MuJoCo | limits apart, rad'
+        'in joint angles | of MuJoCo | µs an evaluation | of these at least | of MuJoCo | limits apart, rad'
     )
     return markdown(about, head, [list(row.values()) for row in found])
 
