@@ -330,6 +330,13 @@ def derivative_errors() -> str:
     return markdown(about, head, [list(row.values()) for row in found])
 
 
+def gradient_rounding() -> str:
+    """Gradients beside tangents, and tangents beside themselves after rounding."""
+    about, found = rows('gradient_rounding.csv')
+    head = 'scene | settings | gradient and tangents apart | tangents, after a last digit'
+    return markdown(about, head, [list(row.values()) for row in found])
+
+
 def coarse_steps() -> str:
     """Fixed steps that are too long, and whether that is reported."""
     about, found = rows('coarse_steps.csv')
@@ -353,7 +360,8 @@ def trees() -> str:
     about, found = rows('trees.csv')
     head = (
         'robot | base | joints | alf_ros, ms/s | MuJoCo, ms/s | ratio | evaluations/s | '
-        'in joint angles | of MuJoCo | µs an evaluation | of these at least | of MuJoCo | limits apart, rad'
+        'in joint angles | of MuJoCo | µs an evaluation | of these at least | of MuJoCo | '
+        'limits apart, rad'
     )
     return markdown(about, head, [list(row.values()) for row in found])
 
@@ -390,6 +398,7 @@ TABLES = (
     ('derivatives', partial(derivatives, 'derivatives.csv')),
     ('derivatives_avx2', partial(derivatives, 'derivatives_avx2.csv')),
     ('derivative_errors', derivative_errors),
+    ('gradient_rounding', gradient_rounding),
     ('coarse_steps', coarse_steps),
     ('trees', trees),
     ('identification_peers', identification_peers),
