@@ -10,7 +10,7 @@ of 0.1 s, MuJoCo's RK4 with steps. The error is the largest one of a joint (rad)
 each against its own limit: here a tolerance of 1e-12, there M and the bias forces integrated by
 scipy to 1e-12. How far these limits are apart is printed. The cost is the time of the processor
 for a second at an error of 1e-6 rad, by interpolation, and so is the number of evaluations.
-`angle_evaluations` are those of the same method in joint angles: M and the bias forces of MuJoCo,
+`angle_evaluations` count the same method in joint angles: M and the bias forces of MuJoCo,
 integrated by scipy with its DOP853 and tolerances.
 
 `least_us` is what an evaluation cannot do without: A assembled and factorised once, and solved
