@@ -109,8 +109,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     topics = Topics(options.joints, options.commands, pairs(options.map, '--map'))
     scene = load_scene(options.scene)
     if options.design:  # faults of candidates are told before the fit
-        checked_duration(options.design_duration)
-        candidates(options.design, scene, options.fit, topics)
+        with parser.naming():
+            checked_duration(options.design_duration)
+            candidates(options.design, scene, options.fit, topics)
     folder = paths.named(options.output, '--output')
     check_folder(folder, scene, bool(options.design), '--output')
     with parser.naming(priors='--prior'), ProgressBar('identify') as bar:

@@ -127,10 +127,9 @@ def _wanted(
     e = at + 7
     x, xd = scalar(q, qd, near, slots, params, n)
     position_table, velocity_table = e + int(params[at + 5]), e + int(params[at + 6])
-    if params[at + 4] != 0.0:
-        velocity = interpolate(params, velocity_table, t)
-    else:
-        velocity = slope(params, position_table, t)
+    velocity = interpolate(params, velocity_table, t)
+    if params[at + 4] == 0.0:  # it is 0, and has a slope all the same: a target may be added
+        velocity += slope(params, position_table, t)
     effort = interpolate(params, e, t)
     effort += params[at] * (interpolate(params, position_table, t) - x)
     return effort + params[at + 1] * (velocity - xd), xd

@@ -283,10 +283,9 @@ def _depth(params: Floats, at: int, L: float) -> float:
 def _drive(t: float, params: Floats, at: int, L: float, rate: float) -> float:
     """The effort of the drive without limits."""
     e, position = at + int(params[at + 15]), at + int(params[at + 16])
-    if params[at + 14] != 0.0:
-        speed = interpolate(params, at + int(params[at + 17]), t)
-    else:
-        speed = slope(params, position, t)
+    speed = interpolate(params, at + int(params[at + 17]), t)
+    if params[at + 14] == 0.0:  # it is 0, and has a slope all the same: a target may be added
+        speed += slope(params, position, t)
     effort = interpolate(params, e, t)
     effort += params[at + 11] * (interpolate(params, position, t) - L)
     return effort + params[at + 12] * (speed - rate)

@@ -158,8 +158,7 @@ class _Reader:
         self.mujoco, self.model, self.data = mujoco, model, mujoco.MjData(model)
         self.bodies = self._names('body', model.nbody)
         self.joints = self._names('joint', model.njnt)
-        if key is not None:
-            self._begin_at(key)
+        self.begins_at = None if key is None else self._begin_at(key)
         most = min(LARGEST, mujoco.mjMAXVAL)  # beyond, MuJoCo begins anew, or has no controls
         for kind in ('qpos', 'qvel', 'act', 'ctrl'):
             if not np.all(np.abs(getattr(self.data, kind)) <= most):
@@ -209,14 +208,15 @@ class _Reader:
                 raise InputError('not a hinge or a slide', key='--set', value=name)
             self.data.qpos[self.model.jnt_qposadr[joint]] = value
 
-    def _begin_at(self, key: str) -> None:
-        """Positions, velocities and controls of a keyframe."""
+    def _begin_at(self, key: str) -> str:
+        """Positions, velocities and controls of a keyframe; returns its name."""
         names = self._names('key', self.model.nkey)
         numbers = [str(n) for n in range(self.model.nkey)]
         if key not in (*names, *numbers):
             raise InputError('no such keyframe', key='--key', value=key, choices=names or ['none'])
         n = names.index(key) if key in names else int(key)
         self.mujoco.mj_resetDataKeyframe(self.model, self.data, n)
+        return names[n]
 
     # -------------------------------------------------------------------------------------- tree
 
@@ -315,7 +315,8 @@ class _Reader:
             ('light', model.nlight),
         ):
             for name in self._names(kind, count):
-                leave(_KINDS[kind], name)
+                if kind != 'key' or name != self.begins_at:
+                    leave(_KINDS[kind], name)
         for body in range(1, model.nbody):
             if model.body_mocapid[body] >= 0:
                 leave('motion of mocap bodies', self.bodies[body])

@@ -86,7 +86,9 @@ class Space:
             zoom = min(1.2, np.linalg.norm(box) / box[0])  # so that the width fits
         self.axes.set_box_aspect(box, zoom=zoom)
         self.axes.set_xlabel('x, m', labelpad=8)
-        self.axes.set_zlabel('z, m', labelpad=5 if self.front else 12)
+        self.axes.set_zlabel('z, m', labelpad=12)
+        if self.front:  # the axis would cross its labels
+            self.axes.tick_params(axis='z', pad=9)
         if not self.front:
             self.axes.set_ylabel('y, m', labelpad=8)
         for axis in (self.axes.xaxis, self.axes.yaxis, self.axes.zaxis):

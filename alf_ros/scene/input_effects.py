@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from alf_ros import effects
 from alf_ros.effects.contract import EFFORT, WRENCH
+from alf_ros.errors import InputError
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
@@ -57,14 +58,42 @@ def input_effect(name: str, root: Entry) -> InputEffect | None:
         return _effect(root, effects.ROLES[EFFORT], {'joint': effort[1], 'effort': '0'}, ())
     if wrench is None:
         return None
-    space = root.mapping()['mechanism'].mapping().get('space')
-    is_spatial = space is not None and space.value == 'spatial'
+    is_spatial = _is_spatial(root)
     on, force, _, about = wrench.groups()
     axis = force or about
     what = 'torque' if force is None else 'force'
+    if axis is None if is_spatial else (axis == 'z' or about is not None):
+        return None  # the plane has two axes of a force, and one torque
     zero = '[0, 0, 0]' if is_spatial else '[0, 0]' if what == 'force' else '0'
     rest = () if axis is None else (str('xyz'.index(axis)),)
     return _effect(root, effects.ROLES[WRENCH], {'on': on, what: zero}, rest)
+
+
+def refuse_malformed(name: str, root: Entry, said: str) -> None:
+    """Raise InputError, about the argument `said`, for a name that begins as an input does and is
+    of none: with steps, in which a scene has no number of it, and for a wrench without these parts
+    on a body or a point."""
+    whole, steps, _ = name.partition('[')
+    first, _, rest = whole.partition('.')
+    if first in ('joints', 'wrenches', 'targets') and steps:
+        what = 'acts in some of the steps: a scene has no number of it'
+        expected = f'{whole}, which acts in the whole run'
+        raise InputError(what, key=said, value=name, expected=expected)
+    on, mechanism = rest.partition('.')[0], root.mapping()['mechanism'].mapping()
+    owners = [part for part in ('points', 'bodies') if part in mechanism]
+    if first != 'wrenches' or not any(on in mechanism[part].mapping() for part in owners):
+        return
+    ends = ['force.x', 'force.y', *['force.z'] * _is_spatial(root)]
+    if 'bodies' in owners and on in mechanism['bodies'].mapping():
+        ends += [f'torque.{axis}' for axis in 'xyz'] if _is_spatial(root) else ['torque']
+    if rest.removeprefix(f'{on}.') not in ends:
+        choices = [f'wrenches.{on}.{end}' for end in ends]
+        raise InputError('no such input', key=said, value=name, choices=choices)
+
+
+def _is_spatial(root: Entry) -> bool:
+    space = root.mapping()['mechanism'].mapping().get('space')
+    return space is not None and space.value == 'spatial'
 
 
 def _effect(

@@ -19,7 +19,7 @@ import numpy as np
 from alf_ros import effects
 from alf_ros.columns import ColumnText
 from alf_ros.errors import InputError
-from alf_ros.scene.input_effects import input_effect
+from alf_ros.scene.input_effects import input_effect, refuse_malformed
 from alf_ros.scene.mechanism_file import read_parameters
 from alf_ros.scene.rereading import reading_of
 from alf_ros.scene.scene import PICKED, Scene, load_scene
@@ -149,6 +149,10 @@ def number(scene: Scene, name: str, said: str = 'tangents') -> float:
     root = scene.document.root
     parameters = root.mapping()['mechanism'].mapping().get('parameters')
     node, place, key = root, _place(root, name, said), f'{said}.{name}'
+    if name.startswith('targets.') and 'targets' not in place and _node(root, place) is None:
+        field = place[-1]
+        expected = f'{".".join(place)}, as {field}: 0'
+        raise InputError(f'the scene gives no {field} there', key=key, expected=expected)
     for part in place:
         node = _part(node, part, key)
     if isinstance(node.value, str):
@@ -255,6 +259,7 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
         effect = input_effect(name, root)
         if effect is not None and effect.is_in(root):
             return effect.place
+        refuse_malformed(name, root, said)
         _refuse_input(root, name, said)
     target = place_of_target(name, root, said) if not found else None
     if target is not None:

@@ -36,10 +36,10 @@ def place_of_target(name: str, root: Entry, said: str) -> tuple[str, ...] | None
     Raises InputError, which says the argument `said`, if nothing follows the target, if several
     effects do, and for a target that is no number of the scene.
     """
-    found = _NAME.fullmatch(name)
-    if found is None:
+    if not name.startswith('targets.'):
         return None
-    target, what = found.groups()
+    found = _NAME.fullmatch(name)
+    target, what = ('', '') if found is None else found.groups()
     known = list(_controllers(root))
     if not known:
         raise InputError(

@@ -121,7 +121,8 @@ def _key(each: Exhibit, *sources: str) -> str:
 
 
 def _picture(each: Exhibit, kept: Path, target: Path) -> None:
-    key = _key(each, 'alf_ros/inspection/mechanism_plot.py', 'alf_ros/inspection/joint_pen.py')
+    parts = ('mechanism_plot', 'joint_pen', 'plot_axes', 'shape_edges', 'mesh_lines')
+    key = _key(each, *(f'alf_ros/inspection/{part}.py' for part in parts))
     path = kept / f'{each.file.stem}_{key}.png'
     if not path.exists():
         part = kept / 'part.png'  # a build that is interrupted leaves no half of a picture
@@ -132,7 +133,8 @@ def _picture(each: Exhibit, kept: Path, target: Path) -> None:
 
 def _film(each: Exhibit, kept: Path, target: Path) -> str | None:
     """The name of the moving picture; None if nothing would be seen to move."""
-    parts = ('logs/report/animation', 'logs/report/drawn_motion', 'inspection/wheel_places')
+    parts = [f'logs/report/{part}' for part in ('animation', 'drawn_motion', 'shape_outlines')]
+    parts += [f'inspection/{part}' for part in ('shape_places', 'symbol_places', 'wheel_places')]
     sources = [f'alf_ros/{part}.py' for part in parts]
     key = _key(each, *sources, 'doc/site/gallery.py')
     path = kept / f'{each.file.stem}_{key}.webp'

@@ -137,8 +137,9 @@ def test_what_a_leg_leaves() -> None:
     ):
         assert f'#   {line}' in lines
     assert not any(line.startswith('#   tendons') for line in lines)  # nothing acts on the cord
-    end = '# Left out without an effect on the motion: lights 1, cameras 1, sensors 1, keyframes 1'
+    end = '# Left out without an effect on the motion: lights 1, cameras 1, sensors 1'
     assert end in lines
+    assert f'{end}, keyframes 1' in imported(LEG).split('\n')  # where it does not begin there
 
 
 def test_a_keyframe_and_a_joint_where_an_equality_has_it() -> None:

@@ -136,6 +136,8 @@ def test_the_program_writes_them(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert program([*given, '--design', 'initial.velocities.B.0=-5']) == 0
     assert EFFORT in capsys.readouterr().out
     assert overrides.number(load_scene(out / 'machine.yaml'), EFFORT) == pytest.approx(1.5)
+    assert program([*given, '--design', f'{EFFORT}=2']) == 2
+    assert '--design: is fitted' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

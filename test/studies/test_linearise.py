@@ -290,8 +290,10 @@ def test_none_in_a_singular_position() -> None:
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(InputError, match='inputs.*j0.effort'):
         linearise(chain(1), inputs=['j0.efort'])
-    with pytest.raises(InputError, match='no such quantity'):
+    with pytest.raises(InputError, match='outputs: no such quantity'):
         linearise(chain(1), outputs=['j0.positio'])
+    with pytest.raises(InputError, match='inputs: named twice'):
+        linearise(chain(1), inputs=['joints.j0.effort', 'j0.effort'])
 
 
 def test_files_hold_the_model(tmp_path: Path) -> None:

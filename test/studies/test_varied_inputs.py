@@ -67,7 +67,13 @@ def test_a_fork_is_pushed(tmp_path: Path) -> None:
     [
         ('joints.crank_pn.effort', "joints.crank_pn.effort.*got 'crank_pn'.*'crank_pin'"),
         ('wrenches.Q.force.x', "wrenches.Q.force.x.*got 'Q'"),
-        ('wrenches.coupler.torque.z', 'a single value has no parts'),
+        ('wrenches.coupler.torque.z', "no such input.*did you mean 'wrenches.coupler.torque'"),
+        ('wrenches.coupler.force.z', "did you mean 'wrenches.coupler.force.y'"),
+        ('wrenches.coupler', "no such input.*did you mean 'wrenches.coupler.torque'"),
+        (
+            'joints.crank_pin.effort[0:9]',
+            'in some of the steps.*expected joints.crank_pin.effort,',
+        ),
         ('targets.crank_pin.position', 'no motor or tendon of the scene follows one'),
     ],
 )

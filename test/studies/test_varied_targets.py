@@ -31,6 +31,11 @@ SERVO: dict[str, Any] = {
 
 def block(motor: Any) -> Scene:
     """A block on a rail, which a motor moves."""
+    return moved_by({'motor': motor})
+
+
+def moved_by(effects: Any) -> Scene:
+    """The block under effects."""
     points = {'O': {'at': [0, 0], 'fixed': True}, 'P': {'at': [0, 0]}, 'R': {'at': [1, 0]}}
     rail = {'type': 'prismatic', 'between': ['ground', 'block'], 'at': 'P', 'axis': [1, 0]}
     mechanism = {
@@ -44,7 +49,7 @@ def block(motor: Any) -> Scene:
         {
             'name': 'block',
             'mechanism': mechanism,
-            'effects': {'motor': motor},
+            'effects': effects,
             'solver': {'step': 1e-3, 'integrator': 'dop853'},
         }
     )
@@ -89,6 +94,39 @@ def test_a_held_target_does_the_same() -> None:
     found = gradient(scene, 'final(points.P.x)', [TARGET, f'{TARGET}[200:]'], duration=0.4)
     assert found.by[TARGET] == pytest.approx(moved(1.0, 0.0, 0.4), rel=1e-10)
     assert found.by[f'{TARGET}[200:]'] == pytest.approx(moved(1.0, 0.0, 0.2), rel=1e-10)
+
+
+AIMED = {key: SERVO[key] for key in ('position', 'position_gain', 'velocity_gain')}
+FOLLOWING: dict[str, dict[str, Any]] = {
+    'a place': {'motor': {'servo': SERVO}},
+    'a table of places': {'motor': {'servo': {**SERVO, 'position': [[0, 0], [1, 0.4]]}}},
+    'a place and a rate': {'motor': {'servo': {**SERVO, 'velocity': 0.3}}},
+    'a place, by a tendon': {'tendon': {'rail_belt': {**AIMED, 'joints': [['rail', 1]]}}},
+}
+
+
+@pytest.mark.parametrize('following', FOLLOWING)
+@pytest.mark.parametrize('held', [False, True])
+def test_a_rate_that_the_scene_does_not_give_has_a_derivative(following: str, held: bool) -> None:
+    """The motor adds it to the slope of its position."""
+    effects = FOLLOWING[following]
+    name = 'targets.rail_belt' if 'tendon' in effects else 'targets.rail'
+    speed, late = f'{name}.velocity', f'{name}.velocity[200:]'
+    simulation = Simulation(moved_by(effects), tangents=[speed, late])
+    if held:
+        simulation.apply_target(name.removeprefix('targets.'), 0.7)
+    state = simulation.state
+    simulation.step(400)
+    for each, t in ((speed, 0.4), (late, 0.2)):
+        tangent = simulation.sample().tangents[each]
+        shift, rate = tangent.joints['rail'].position, tangent.joints['rail'].velocity
+        assert shift == pytest.approx(moved(0.0, 1.0, t), rel=1e-10)
+        effort = tangent.of('joints.rail.effort')
+        assert effort == pytest.approx(DAMPED - STIFF * shift - DAMPED * rate, rel=1e-8)
+    simulation.restore(state)
+    found = gradient(simulation, 'final(points.P.x)', [speed, late], duration=0.4)
+    assert found.by[speed] == pytest.approx(moved(0.0, 1.0, 0.4), rel=1e-10)
+    assert found.by[late] == pytest.approx(moved(0.0, 1.0, 0.2), rel=1e-10)
 
 
 def test_a_tangent_is_by_the_target_that_is_held() -> None:
@@ -187,6 +225,10 @@ TABLE = {'joint': 'rail', 'position': [[0, 0], [1, 2]], 'position_gain': 1}
         ({'push': {'joint': 'rail', 'effort': 1}}, TARGET, 'nothing follows its position'),
         ({'speed': {'joint': 'rail', 'velocity_gain': 1}}, TARGET, 'there with position_gain'),
         ({'servo': TABLE}, TARGET, 'not one number'),
+        ({'servo': SERVO}, SPEED, r'gives no velocity.*motor\.servo\.velocity, as velocity: 0'),
+        ({'servo': SERVO}, 'targets.rail', "no such target.*did you mean 'targets.rail"),
+        ({'servo': SERVO}, 'targets..position', "did you mean 'targets.rail.position'"),
+        ({'servo': SERVO}, f'{TARGET}[0:10]', f'in some of the steps.*expected {TARGET}, which'),
     ],
 )
 def test_what_is_refused(motor: Any, name: str, told: str) -> None:

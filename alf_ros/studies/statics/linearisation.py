@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
+from alf_ros.errors import InputError, argument_of
 from alf_ros.inspection.run import Run
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.carried_positions import blocks_of
@@ -72,8 +72,8 @@ def linearise(
     'joints.knee.position', 'points.B.x', 'reactions.knee.force.x'; the positions of all joints if
     absent. Ends of names that only one has are enough. The loads of dry friction are held.
 
-    Raises InputError for unknown names, in a singular position, where a free motion has no mass,
-    and for more than 1200 coordinates; and what `equilibrium` raises.
+    Raises InputError for unknown names and an input named twice, in a singular position, where a
+    free motion has no mass, and for more than 1200 coordinates; and what `equilibrium` raises.
     """
     inputs = texts(inputs, 'inputs')
     outputs = None if outputs is None else texts(outputs, 'outputs')
@@ -84,6 +84,9 @@ def linearise(
     instant = Instant(loads, t, state.q, state.qd, state.turns, rubbing)
     refuse_singular(instant)
     named = named_inputs(loads.model, loads.effects, inputs)
+    for k, each in enumerate(named):
+        if each in named[:k]:
+            raise InputError('named twice', key='inputs', value=each.name)
     A, stiffness, damping, drift = _motion(instant, sample)
     charted = _Charted(instant, simulation, state)
     names, units = _outputs(sample, outputs)
@@ -212,7 +215,8 @@ def _outputs(
     if not outputs:
         return (), ()
     run = Run([sample])
-    names = tuple(run.columns(*outputs))
+    with argument_of('outputs', 'name'):
+        names = tuple(run.columns(*outputs))
     return names, tuple(run.unit(name) for name in names)
 
 
