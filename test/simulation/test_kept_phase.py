@@ -210,4 +210,5 @@ def test_a_state_has_its_phase() -> None:
     last = other.sample().joints
     turned = [last[name].position - first[name].position for name in ('left', 'right')]
     assert abs(turned[0]) > 0.1
-    assert turned[0] + turned[1] == pytest.approx(0.0, abs=1e-14)
+    # the rounding of angles of several turns, which are subtracted
+    assert abs(turned[0] + turned[1]) < 1e-15 * max(abs(last['left'].position), 10.0)
