@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import partial
+from statistics import median
 
 from peer_tables import draw, engines, peers
 from results_file import RESULTS, ROOT, markdown, rows
@@ -366,6 +367,19 @@ def trees() -> str:
     return markdown(about, head, [list(row.values()) for row in found])
 
 
+def random_robots() -> str:
+    """Evaluations of random robots over those in joint angles."""
+    about, found = rows('random_robots.csv')
+    body = []
+    for kind in dict.fromkeys(row['kind'] for row in found):
+        ratios = [float(row['ratio']) for row in found if row['kind'] == kind]
+        known = sorted(ratio for ratio in ratios if math.isfinite(ratio))
+        counts = str(len(known)), str(len(ratios) - len(known))
+        body.append([f'{kind}s', *counts, f'{median(known):.2f}', f'{known[-1]:.2f}'])
+    head = 'robots | measured | chaotic, not measured | median ratio | worst'
+    return markdown(about, head, body)
+
+
 def identification_peers() -> str:
     """Fits of the same recordings here and by MuJoCo's toolbox."""
     about, found = rows('identification_peers.csv')
@@ -401,6 +415,7 @@ TABLES = (
     ('gradient_rounding', gradient_rounding),
     ('coarse_steps', coarse_steps),
     ('trees', trees),
+    ('random_robots', random_robots),
     ('identification_peers', identification_peers),
 )
 
