@@ -123,6 +123,8 @@ def main() -> None:
             found[kind].append(own / angles)
         print(*body[-1], sep=', ', flush=True)
     for kind, ratios in found.items():
+        if not ratios:
+            continue
         told = f'median {median(ratios):.2f}, worst {max(ratios):.2f}'
         print(f'{len(ratios)} of each {kind}: {told}', file=sys.stderr)
     with open(RESULTS / 'random_robots.csv', 'w', encoding='utf-8', newline='') as stream:

@@ -109,7 +109,7 @@ mechanism:
 
 
 def test_a_robot_that_starts_from_rest_is_as_exact_as_in_places():
-    """An arc for every block that turns would make the error 1.7e-9 rad."""
+    """With an arc for every block that turns it would not be."""
     scene = scene_from_text(LEG)
 
     def angles(**options):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,39 +10,23 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Sample, Simulation, load_scene
 from alf_ros.arrays import Floats
+from support.delta_arms import ALONG, OUT, UP, DeltaArms
 from support.lagrange import Array, Reduced
 
 BASE, ARM, ROD, PLATE, HALF = 0.20, 0.25, 0.45, 0.06, 0.05  # m
+ARMS = DeltaArms(BASE, ARM, ROD, PLATE)
 ARM_MASS, ROD_MASS, PLATE_MASS = 0.4, 0.1, 0.5  # kg
 DRAWN = np.radians(30)  # the arms below the horizontal
-UP = np.array([0.0, 0.0, 1.0])
 G = -9.81 * UP
-TURNS = 2.0 * np.pi * np.arange(3) / 3.0
-OUT = np.array([np.cos(TURNS), np.sin(TURNS), 0.0 * TURNS]).T
-ALONG = np.array([-np.sin(TURNS), np.cos(TURNS), 0.0 * TURNS]).T  # the axes of the motors
 MOTORS = tuple(f'motor{k}' for k in range(3))
 EFFORTS = np.array([-2.4, -0.9, -1.5])  # N m: -1.63 each holds the weight as drawn
-
-
-def arm_angle(C: Array, k: int) -> Any:
-    """θ of arm k below the horizontal, for the place of the platform: a cos, sin equation."""
-    v = C - (BASE - PLATE) * OUT[k]
-    out, down = v @ OUT[k], -v[2]
-    # |v - a (cos θ out, -sin θ)|² = l²: out cos θ + down sin θ = c
-    c = (v @ v + ARM**2 - ROD**2) / (2.0 * ARM)
-    size = np.sqrt(out * out + down * down)
-    return np.arctan(down / out) + (np.pi if np.real(out) < 0.0 else 0.0) - np.arccos(c / size)
-
-
-def elbow(theta: Any, k: int) -> Array:
-    return (BASE + ARM * np.cos(theta)) * OUT[k] - ARM * np.sin(theta) * UP
 
 
 def rates(C: Floats, theta: Floats) -> Floats:
     """(3, 3) ∂θ/∂C: s · Ċ = s · E' θ̇, for s along a rod and E' the way of an elbow."""
     rows = []
     for k in range(3):
-        s = C + PLATE * OUT[k] - elbow(theta[k], k)
+        s = C + PLATE * OUT[k] - ARMS.elbow(theta[k], k)
         way = -ARM * (np.sin(theta[k]) * OUT[k] + np.cos(theta[k]) * UP)
         rows.append(s / (s @ way))
     return np.array(rows)
@@ -63,7 +46,7 @@ def reduced() -> Reduced:
     def x(C: Array) -> Array:
         rows = []
         for k in range(3):
-            A, E = BASE * OUT[k], elbow(arm_angle(C, k), k)
+            A, E = BASE * OUT[k], ARMS.elbow(ARMS.angle(C, k), k)
             W = C + PLATE * OUT[k]
             rows += [0.5 * (A + E), (E - A) / ARM]
             rows += [0.5 * (E + W), (W - E) / ROD] * 2
@@ -101,7 +84,7 @@ def angles(sample: Sample, what: str = 'position') -> Floats:
 def test_rates_of_the_motors_by_the_jacobian() -> None:
     for sample in motion():
         C, theta = sample.points['C'], DRAWN + angles(sample)
-        assert [arm_angle(C, k) for k in range(3)] == pytest.approx(theta, abs=1e-12)
+        assert [ARMS.angle(C, k) for k in range(3)] == pytest.approx(theta, abs=1e-12)
         found = rates(C, theta) @ sample.velocities['C']
         assert found == pytest.approx(angles(sample, 'velocity'), abs=1e-11)
         assert np.linalg.norm(found) > 0.5
@@ -113,7 +96,7 @@ def test_a_motion_under_constant_efforts() -> None:
 
     def rate(_: float, y: Floats) -> Floats:
         C = y[:3]
-        theta = np.array([arm_angle(C, k) for k in range(3)])
+        theta = np.array([ARMS.angle(C, k) for k in range(3)])
         Q = rates(C, theta).T @ EFFORTS
         return np.concatenate([y[3:], model.acceleration(C, y[3:], Q)])
 
@@ -148,15 +131,15 @@ def newton_euler(C: Floats, Cd: Floats) -> tuple[dict[str, Floats], dict[str, Fl
     Across itself a rod takes what its own motion needs, by its moments about the other end. The
     pulls along the six rods are left, and balance force and moment of the platform.
     """
-    model, theta = reduced(), np.array([arm_angle(C, k) for k in range(3)])
+    model, theta = reduced(), np.array([ARMS.angle(C, k) for k in range(3)])
     Cdd = model.acceleration(C, Cd, rates(C, theta).T @ EFFORTS)
     ray, far = np.exp(0.25j * np.pi), 3e-3  # s: the second derivative along the motion
 
     def elbows(t: complex) -> Array:
         at = C + t * Cd + 0.5 * t * t * Cdd
-        return np.array([elbow(arm_angle(at, k), k) for k in range(3)])
+        return np.array([ARMS.elbow(ARMS.angle(at, k), k) for k in range(3)])
 
-    E = np.array([elbow(theta[k], k) for k in range(3)])
+    E = np.array([ARMS.elbow(theta[k], k) for k in range(3)])
     Edd = (elbows(ray * far) + elbows(-ray * far)).imag / far**2
     across, lines, levers = [], [], []
     for k in range(3):

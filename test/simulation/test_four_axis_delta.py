@@ -12,27 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros import Scene, Simulation, load_scene
 from alf_ros.arrays import Floats
+from support.delta_arms import OUT, UP, DeltaArms
 from support.lagrange import Array, Reduced
 
 BASE, ARM, ROD, PLATE, HALF = 0.164, 0.524, 1.244, 0.044, 0.0655  # m
+ARMS = DeltaArms(BASE, ARM, ROD, PLATE)
 DRAWN = np.radians(20)  # the arms below the horizontal
-UP = np.array([0.0, 0.0, 1.0])
-SIDES = [np.array([np.cos(a), np.sin(a), 0.0]) for a in 2.0 * np.pi * np.arange(3) / 3.0]
 MOTORS = tuple(f'motor{k}' for k in range(4))
-
-
-def arm_angle(C: Array, k: int) -> Any:
-    """θ of arm k below the horizontal, for the place of the platform: a cos, sin equation."""
-    v = C - (BASE - PLATE) * SIDES[k]
-    out, down = v @ SIDES[k], -v[2]
-    # |v - a (cos θ out, -sin θ)|² = l²: out cos θ + down sin θ = c
-    c = (v @ v + ARM**2 - ROD**2) / (2.0 * ARM)
-    size = np.sqrt(out * out + down * down)
-    return np.arctan(down / out) + (np.pi if np.real(out) < 0.0 else 0.0) - np.arccos(c / size)
-
-
-def elbow(theta: Any, k: int) -> Array:
-    return (BASE + ARM * np.cos(theta)) * SIDES[k] - ARM * np.sin(theta) * UP
 
 
 def shaft(C: Array, turn: Any) -> Array:
@@ -73,9 +59,9 @@ def reduced() -> Reduced:
     def x(q: Array) -> Array:
         C, turn, rows = q[:3], q[3], []
         for k in range(3):
-            E = elbow(arm_angle(C, k), k)
-            A = BASE * SIDES[k]
-            along = (C + PLATE * SIDES[k] - E) / ROD
+            E = ARMS.elbow(ARMS.angle(C, k), k)
+            A = BASE * OUT[k]
+            along = (C + PLATE * OUT[k] - E) / ROD
             rows += [0.5 * (A + E), (E - A) / ARM]
             rows += [E + 0.5 * ROD * along, along] * 2
         axes = shaft(C, turn)
@@ -101,8 +87,8 @@ def test_the_tool_turns_as_the_fork_and_the_platform_does_not() -> None:
         assert turn.magnitude() < 1e-11
         for k in range(3):
             theta = DRAWN + joints[f'motor{k}'].position
-            assert arm_angle(C, k) == pytest.approx(theta, abs=1e-12)
-            assert sample.points[f'E{k}'] == pytest.approx(elbow(theta, k), abs=1e-12)
+            assert ARMS.angle(C, k) == pytest.approx(theta, abs=1e-12)
+            assert sample.points[f'E{k}'] == pytest.approx(ARMS.elbow(theta, k), abs=1e-12)
         assert joints['bearing'].position == pytest.approx(joints['motor3'].position, abs=1e-11)
         assert joints['bearing'].velocity == pytest.approx(joints['motor3'].velocity, abs=1e-10)
         stretch = np.linalg.norm(C) - np.linalg.norm(sim.scene.mechanism.points[1].at)
@@ -137,7 +123,7 @@ def test_motors_hold_the_weight() -> None:
     hold = sim.scene.effects[1].parameters.effort
     still = np.zeros(4)
     C = np.array([*sim.sample().points['C'], 0.0])
-    arms = [[arm_angle(C[:3] + 1e-30j * e, k).imag * 1e30 for e in np.eye(3)] for k in range(3)]
+    arms = [[ARMS.angle(C[:3] + 1e-30j * e, k).imag * 1e30 for e in np.eye(3)] for k in range(3)]
     given = np.array([*(np.array(arms).T @ np.full(3, hold)), 0.0])
     assert reduced().efforts(C, still, still) == pytest.approx(given, abs=1e-12)
     sim = Simulation(unsprung(motor0=hold, motor1=hold, motor2=hold))
@@ -171,7 +157,7 @@ def test_a_motion_under_constant_efforts() -> None:
     def rate(_: float, state: Floats) -> Floats:
         q, qd = state[:4], state[4:]
         steps = 1e-30j * np.eye(4)[:, :3]
-        arms = [[arm_angle(q[:3] + s, k).imag * 1e30 for s in steps] for k in range(3)]
+        arms = [[ARMS.angle(q[:3] + s, k).imag * 1e30 for s in steps] for k in range(3)]
         Q = np.array(arms).T @ efforts[:3] + [0.0, 0.0, 0.0, efforts[3]]
         return np.concatenate([qd, model.acceleration(q, qd, Q)])
 
