@@ -34,6 +34,10 @@ def test_two_simulators_in_namespaces(tmp_path, peer):
         ros = ['--ros-args', '-r', f'__ns:=/{side}', '-p', f'frame_prefix:={side}/']
         return ['--scene', scene, *ros, '-p', 'publish.reactions:=on']
 
+    def accepted(task):
+        of_task = (status for m in told for status in m.status if status.name == task)
+        return {e.value for status in of_task for e in status.values if e.key == 'accepted'}
+
     with (
         SimulatorProcess(tmp_path, *options('left', 'slider_crank')) as left,
         SimulatorProcess(tmp_path / 'r', *options('right', 'four_bar')) as right,
@@ -61,6 +65,8 @@ def test_two_simulators_in_namespaces(tmp_path, peer):
         # a command and a pause reach one of them
         push = peer.talk('/left/simulator/wrench/crank', WrenchStamped)
         push.publish(wrench(torque=0.5, frame='left/crank'))
+        # topics and services do not wait for each other: a pause may overtake the command
+        peer.until(lambda: '1' in accepted('left/simulator: commands'), 'the command')
         assert peer.call(SetBool, '/left/simulator/pause', data=True).success
         count = len(joints['right'])
         peer.until(lambda: len(joints['right']) > count + 50, 'the other goes on')
