@@ -93,14 +93,13 @@ def by_address(
 
     `of`: the function that a closure passes on; its machine code is kept as code of that one, of
     this `variant` if closures of one signature differ. `options`: of numba.
-    The function is put into its C function: a call of an effect is one call, not two.
     """
 
     def compile(function: Callable[..., Any]) -> Any:
         if PLAIN:
             return Function(signature, function)
         types = sigutils.normalize_signature(signature)
-        all_options = {'error_model': 'numpy', 'forceinline': True, **options}
+        all_options = {'error_model': 'numpy', **options}
         made: Any = CFunc(function, types, locals={}, options=all_options)
         made._cache = cache = Cache(function if of is None else of, variant)
         cache.guarded(made.compile)()
