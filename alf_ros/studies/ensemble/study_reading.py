@@ -64,7 +64,7 @@ def study_of(
         raise InputError('not a mapping', key='vary', value=vary, expected=expected)
     sampling = 'random' if sampling is None else sampling
     varied = {str(name): _varied(data, f'vary.{name}') for name, data in vary.items()}
-    loaded = overrides.with_inputs(loaded, varied)
+    loaded = overrides.with_inputs(loaded, varied, 'vary.')
     if members is not None:
         members = check.whole(members, 'members', 1)
     seed = check.whole(seed, 'seed', 0, MOST_SEED)
