@@ -51,12 +51,16 @@ class AlongFreeDirections:
             told = f'no gradient of {self.quantity.name}: a singular position'
             raise InputError(f'{told} at t = {sample.t:.6g} s', key='of')
 
+        # an energy may be zero, and its parts are not
+        size = self.quantity.read_beside(sample)[1]
+
         def along(beside: Callable[..., Displaced], dq: Floats, dqd: Floats) -> float:
             of = self.quantity
             for closer in _CLOSER:
                 around = beside(state, closer * dq, closer * dqd)
                 try:
-                    found = slope_along(of.read, of.turns, sample, around, dq, dqd, of.name)
+                    name, turns = of.name, of.turns
+                    found = slope_along(of.read, turns, sample, around, dq, dqd, name, size)
                     return float(weights @ found)
                 except InputError as error:
                     refused = error
