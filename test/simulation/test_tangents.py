@@ -512,6 +512,19 @@ def test_an_energy_that_is_zero_has_a_derivative(name: str) -> None:
     assert abs(gradient(Simulation(scene), 'final(energy)', [name], duration=0.6).by[name]) < 1e-10
 
 
+def test_a_point_that_leaves_the_plane_of_a_plate() -> None:
+    """The plate of a delta robot lies in a plane, with a direction across it; further away from
+    the plane the point C does without. The plate only shifts, so the height of its centre of mass
+    moves nothing but C. Beside the drawing one scene was of another form: an IndexError."""
+    name = 'mechanism.points.C.at.2'
+    simulation = Simulation(load_scene('delta_robot'), tangents=[name])
+    simulation.step(20)
+    tangent = simulation.sample().tangents[name]
+    assert tangent.points['C'] == pytest.approx([0.0, 0.0, 1.0], abs=1e-10)
+    assert np.abs(tangent.points['Q0']).max() < 1e-10
+    assert np.abs(tangent.joint_velocities).max() < 1e-9
+
+
 def test_a_start_in_a_singular_position_is_refused() -> None:
     scene = overrides.with_changes(
         load_scene('slider_crank'),
