@@ -96,6 +96,12 @@ def shortened(shown: str) -> str:
     return shown[0] + '...' + shown[-76:] if '/' in shown else shown[:77] + '...'
 
 
+class UnknownNameError(InputError, KeyError):
+    """A mapping has nothing of this name: a KeyError, whose message has the nearest valid name."""
+
+    __str__ = Exception.__str__  # the text; a KeyError shows it in quotes
+
+
 class AssemblyError(InputError):
     """The mechanism cannot be closed, or the velocities given contradict its constraints."""
 

@@ -68,7 +68,7 @@ class UsdBodies:
         mass, com, inertia = self._mass(prim), self._centre(prim), self._inertia(prim)
         shapes: Sequence[RobotPart] = ()
         if not mass or com is None or inertia is None:
-            density = stage.number(prim, 'physics:density')
+            density = self._given(prim, 'physics:density')
             shapes = [self._shape(each, density) for each in self.shapes.get(path, ())]
             if path in self._with_disabled:
                 self._robot.leave('mass of disabled shapes', name)
@@ -106,7 +106,16 @@ class UsdBodies:
 
     def _mass(self, prim: Any) -> float:
         """kg; zero where it is left open."""
-        return max(0.0, self._stage.number(prim, 'physics:mass')) * self._stage.kilogram
+        return self._given(prim, 'physics:mass') * self._stage.kilogram
+
+    def _given(self, prim: Any, name: str) -> float:
+        """A mass or a density in units of the file; zero where it is left open. Raises
+        InputError."""
+        found = self._stage.number(prim, name)
+        if found < 0.0:
+            key, expected = f'{prim.GetPath()} {name}', 'more than 0, or 0 where it is left open'
+            raise self._stage.error(key, 'below zero', value=found, expected=expected)
+        return found
 
     def _centre(self, prim: Any) -> Floats | None:
         """(3,) m in the world; None where it is left open."""
@@ -143,7 +152,7 @@ class UsdBodies:
             or stage.holds(prim, 'mjc:shellinertia', False)
         ):
             self._robot.leave('shells', prim.GetName())
-        own = stage.number(prim, 'physics:density')
+        own = self._given(prim, 'physics:density')
         unit = stage.kilogram / stage.metre**3
         given = [d for d in (own, density, self._of_material(prim)) if d > 0.0]
         per_volume = given[0] * unit if given else _WATER
@@ -163,7 +172,7 @@ class UsdBodies:
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial('physics')
         if not material:
             return 0.0
-        return self._stage.number(material.GetPrim(), 'physics:density')
+        return self._given(material.GetPrim(), 'physics:density')
 
 
 def unique_names(paths: Iterable[str]) -> dict[str, str]:

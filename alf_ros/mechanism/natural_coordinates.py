@@ -139,6 +139,8 @@ class Layout:
             body = self.mechanism.body[name]
             unit = self.length if body.axes else 1.0
             ends = self._ends.get(name)
+            if ends and max(ends) >= len(body.local) + len(body.axes):
+                ends = None  # it had a further axis, as a body whose points lie in a plane has
             self._shapes[name] = _shape(
                 self.dimension, unit, body.local, body.axes, self.asked.whole, ends
             )

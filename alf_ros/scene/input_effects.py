@@ -62,8 +62,10 @@ def input_effect(name: str, root: Entry) -> InputEffect | None:
     on, force, _, about = wrench.groups()
     axis = force or about
     what = 'torque' if force is None else 'force'
-    if axis is None if is_spatial else (axis == 'z' or about is not None):
-        return None  # the plane has two axes of a force, and one torque
+    if is_spatial and axis is None:
+        return None  # a torque in space has three axes
+    if not is_spatial and (force == 'z' or about is not None):
+        return None  # a force in the plane has two, and its torque none
     zero = '[0, 0, 0]' if is_spatial else '[0, 0]' if what == 'force' else '0'
     rest = () if axis is None else (str('xyz'.index(axis)),)
     return _effect(root, effects.ROLES[WRENCH], {'on': on, what: zero}, rest)
@@ -89,6 +91,27 @@ def refuse_malformed(name: str, root: Entry, said: str) -> None:
     if rest.removeprefix(f'{on}.') not in ends:
         choices = [f'wrenches.{on}.{end}' for end in ends]
         raise InputError('no such input', key=said, value=name, choices=choices)
+
+
+def refuse_input(name: str, root: Entry, said: str) -> None:
+    """Raise InputError for the name of an input, which is held from outside: a scene has a number
+    of it only as an effect."""
+    first, _, rest = name.partition('.')
+    mechanism = root.mapping()['mechanism'].mapping()
+    joints = mechanism['joints'].mapping() if 'joints' in mechanism else {}
+    if first == 'wrenches' and rest:
+        effect = f'constant_wrench: {{push: {{on: {rest.partition(".")[0]}, force: …}}}}'
+        number = 'push.force.0'
+    elif name.endswith('.effort') and (first == 'joints' or name[:-7] in joints):
+        if first != 'joints':
+            expected = f'joints.{name}'
+            raise InputError('nothing of this name', key=said, value=name, expected=expected)
+        joint = rest[:-7]
+        effect, number = f'joint_effort: {{push: {{joint: {joint}, effort: 0}}}}', 'push.effort'
+    else:
+        return
+    expected = f'an effect in its place, {effect}, which has the number {number}'
+    raise InputError('an input from outside is no number', key=said, value=name, expected=expected)
 
 
 def _is_spatial(root: Entry) -> bool:

@@ -19,7 +19,8 @@ import numpy as np
 from alf_ros import effects
 from alf_ros.columns import ColumnText
 from alf_ros.errors import InputError
-from alf_ros.scene.input_effects import input_effect, refuse_malformed
+from alf_ros.scene.input_effects import input_effect, refuse_input, refuse_malformed
+from alf_ros.scene.joint_states import refuse_joint_state
 from alf_ros.scene.mechanism_file import read_parameters
 from alf_ros.scene.rereading import reading_of
 from alf_ros.scene.scene import PICKED, Scene, load_scene
@@ -53,7 +54,7 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
     `prefix`."""
     if not changes:
         return scene
-    scene = with_inputs(scene, changes)
+    scene = with_inputs(scene, changes, prefix)
     sources = [f'{prefix}{name}' for name in changes]
     try:
         values = {
@@ -71,23 +72,30 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
     return changed
 
 
-def with_inputs(scene: Scene, names: Collection[str]) -> Scene:
+def with_inputs(scene: Scene, names: Collection[str], prefix: str = '') -> Scene:
     """The scene with an effect of zero for each of the names that is of an effort or a wrench, and
-    of no number of the scene. Raises InputError for a joint or a body that it does not have."""
-    root = scene.document.root
+    of no number of the scene. Raises InputError, about the name after `prefix`, for a joint or a
+    body that it does not have, and for an input that cannot act there."""
+    root, added = scene.document.root, {}
     for name in names:
         effect = input_effect(name, root)
         if effect is None or effect.is_in(root) or _has(root, name):
             continue
-        root = effect.added_to(root, name)
-    if root is scene.document.root:
+        root, added[name] = effect.added_to(root, name), effect
+    if not added:
         return scene
+    pushed = root  # a torque of zero acts everywhere, another one only on what turns
+    for name, effect in added.items():
+        pushed = _replaced(pushed, effect.place, Entry('1', name), name)
     try:
+        load_scene(pushed.mapping())
         return dataclasses.replace(load_scene(root.mapping()), file=scene.file)
     except InputError as error:
-        if error.file not in names:
-            raise
-        raise error.about(error.file) from None
+        for name, effect in added.items():
+            place = '.'.join(effect.place[:3])
+            if error.file == name or place == '.'.join((error.key or '').split('.')[:3]):
+                raise error.about(f'{prefix}{name}') from None
+        raise
 
 
 def _has(root: Entry, name: str) -> bool:
@@ -260,7 +268,8 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
         if effect is not None and effect.is_in(root):
             return effect.place
         refuse_malformed(name, root, said)
-        _refuse_input(root, name, said)
+        refuse_input(name, root, said)
+        refuse_joint_state(name, root, said)
     target = place_of_target(name, root, said) if not found else None
     if target is not None:
         return target
@@ -280,27 +289,6 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     if len(found) > 1:
         found = _that_have(root, found, rest, said, name)
     return (*found[0], *rest)
-
-
-def _refuse_input(root: Entry, name: str, said: str) -> None:
-    """Raise InputError for the name of an input, which is held from outside: a scene has a number
-    of it only as an effect."""
-    first, _, rest = name.partition('.')
-    mechanism = root.mapping()['mechanism'].mapping()
-    joints = mechanism['joints'].mapping() if 'joints' in mechanism else {}
-    if first == 'wrenches' and rest:
-        effect = f'constant_wrench: {{push: {{on: {rest.partition(".")[0]}, force: …}}}}'
-        number = 'push.force.0'
-    elif name.endswith('.effort') and (first == 'joints' or name[:-7] in joints):
-        if first != 'joints':
-            expected = f'joints.{name}'
-            raise InputError('nothing of this name', key=said, value=name, expected=expected)
-        joint = rest[:-7]
-        effect, number = f'joint_effort: {{push: {{joint: {joint}, effort: 0}}}}', 'push.effort'
-    else:
-        return
-    expected = f'an effect in its place, {effect}, which has the number {number}'
-    raise InputError('an input from outside is no number', key=said, value=name, expected=expected)
 
 
 def _in_effects(kinds: Iterable[str], name: str) -> tuple[str, ...]:

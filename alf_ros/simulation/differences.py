@@ -25,12 +25,24 @@ def slope(values: Floats, step: float, name: str, what: str, size: float = 0.0) 
     name: of the number, what: of the function; size: of the terms that it sums, whose rounding it
     has. Raises InputError if it is not smooth there.
     """
-    found, lower = (
-        np.tensordot([np.sign(k) * w[abs(k) - 1] for k in OFFSETS], values, axes=(0, 0)) / step
-        for w in (_EIGHTH, _SIXTH)
-    )
+    found, lower = _orders(values, step)
     most = _AGREE * np.abs(found).max(initial=0.0)
     most += (_ROUNDED * np.abs(values).max(initial=size) + _NOTHING) / step
     if not np.abs(found - lower).max(initial=0.0) <= most:
         raise InputError(f'{what} has no derivative by it here: it has a kink or a jump', key=name)
     return np.asarray(found)
+
+
+def doubt(values: Floats, step: float) -> float:
+    """By how much the two orders of the derivative of such values differ: rounding, or the part of
+    a kink within the steps that `slope` still takes."""
+    found, lower = _orders(values, step)
+    return float(np.abs(found - lower).max(initial=0.0))
+
+
+def _orders(values: Floats, step: float) -> tuple[Floats, Floats]:
+    found, lower = (
+        np.tensordot([np.sign(k) * w[abs(k) - 1] for k in OFFSETS], values, axes=(0, 0)) / step
+        for w in (_EIGHTH, _SIXTH)
+    )
+    return np.asarray(found), np.asarray(lower)

@@ -104,6 +104,21 @@ def slope_along(
     turns: it reads angles. what: the reading in words; size: of other terms that it sums. Raises
     InputError where the reading is not smooth.
     """
+    change, size = changes_along(read, turns, sample, around, dq, dqd, size)
+    return slope(change, around.step, around.name, f'{what} at t = {sample.t:.6g} s', size)
+
+
+def changes_along(
+    read: Callable[[Sample], Floats],
+    turns: bool,
+    sample: Sample,
+    around: Displaced,
+    dq: Floats,
+    dqd: Floats,
+    size: float,
+) -> tuple[Floats, float]:
+    """(8, components) how a reading differs in the scenes `around`, which `slope_along`
+    differentiates, and the size of the values that it reads or sums."""
     here = read(sample)
     displaced = [
         read(
@@ -116,8 +131,7 @@ def slope_along(
     change = np.array(displaced) - here
     if turns:
         change -= 2.0 * np.pi * np.round(change / (2.0 * np.pi))
-    size = float(np.abs(here).max(initial=size))
-    return slope(change, around.step, around.name, f'{what} at t = {sample.t:.6g} s', size)
+    return change, float(np.abs(here).max(initial=size))
 
 
 def slope_by_push(read: Callable[[Sample], Floats], sample: Sample, pushed: Pushed) -> Floats:

@@ -6,18 +6,26 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 from alf_ros.arrays import Floats
+from alf_ros.errors import UnknownNameError
 
 T = TypeVar('T')
 
 
 class NamedValues(Mapping[str, T], Generic[T]):
-    """A mapping whose values are computed when asked for."""
+    """A mapping whose values are computed when asked for. An unknown name raises a KeyError, which
+    has the nearest known one."""
 
     def __init__(self, names: Sequence[str], value: Callable[[int], T]) -> None:
         self._names, self._value = {name: n for n, name in enumerate(names)}, value
 
     def __getitem__(self, name: str) -> T:
-        return self._value(self._names[name])
+        n = self._names.get(name)
+        if n is None:
+            raise UnknownNameError('nothing of this name', value=name, choices=self._names)
+        return self._value(n)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

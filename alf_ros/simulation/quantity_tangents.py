@@ -48,7 +48,8 @@ class QuantityTangents:
         around = beside(sample.state, dq, dqd)
         if pushed is not None:
             around = pushed.along(around)
-        slope = slope_along(found.read, found.turns, sample, around, dq, dqd, found.name)
+        size = found.read_beside(sample)[1]
+        slope = slope_along(found.read, found.turns, sample, around, dq, dqd, found.name, size)
         if pushed is not None:
             slope = slope + slope_by_push(found.read, sample, pushed)
         return read_only(slope) if found.is_vector else float(slope[0])

@@ -164,6 +164,14 @@ MISTAKES = {
         '/b/s radius: not a size, got -1.0',
     ),
     'nan': (stage(body('b', massive(float('nan'), ORIGIN, ORIGIN))), 'physics:mass: not usable'),
+    'mass below zero': (
+        stage(body('b', massive(-2.0, ORIGIN, ORIGIN))),
+        '/b physics:mass: below zero, got -2.0; expected more than 0',
+    ),
+    'density below zero': (
+        stage(body('b', 'float physics:density = -3\n' + prim('Sphere', 's', 'Collision'))),
+        '/b physics:density: below zero, got -3.0',
+    ),
     'huge': (stage(body('b', FULL, at=(1e300, 0, 0)), PIN), '/b: not a usable transformation'),
     'unit': (stage(body('b', FULL), metre=0.0), 'metersPerUnit: not a unit, got 0.0'),
     'inertia': (

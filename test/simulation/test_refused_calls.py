@@ -308,6 +308,28 @@ def test_a_run_is_checked_when_it_is_called() -> None:
     assert sim.step_index == 19  # a duration is counted from now, as without `at`
 
 
+@pytest.mark.parametrize(
+    ('mapping', 'wrong', 'right'),
+    [
+        ('tangents', 'coupler.mas', 'coupler.mass'),
+        ('points', 'AA', 'A'),
+        ('joints', 'crank_pn', 'crank_pin'),
+        ('reactions', 'kne', 'knee'),
+    ],
+)
+def test_an_unknown_name_of_a_sample_has_the_nearest_one(
+    mapping: str, wrong: str, right: str
+) -> None:
+    found = getattr(Simulation(load_scene(SCENE), tangents=['coupler.mass']).sample(), mapping)
+    with pytest.raises(KeyError) as raised:
+        found[wrong]
+    assert str(raised.value) == f'nothing of this name, got {wrong!r}; did you mean {right!r}?'
+    assert isinstance(raised.value, InputError)
+    assert wrong not in found
+    assert found.get(wrong) is None
+    assert right in found
+
+
 def test_properties_change_nothing() -> None:
     sim = simulation()
     before = told(sim)

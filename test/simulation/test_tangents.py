@@ -500,6 +500,31 @@ def test_a_quantity_that_is_zero_has_a_derivative(name: str) -> None:
     assert np.abs(tangent.of('stored.spring')) < 1e-20
 
 
+@pytest.mark.parametrize('name', ['bar.mass', 'gravity.acceleration.1'])
+def test_an_energy_that_is_zero_has_a_derivative(name: str) -> None:
+    """A pendulum released from the height of its pin keeps the energy 0. Its kinetic energy, 10 J
+    at the bottom, rounds beside it."""
+    scene = load_scene('pendulum')
+    simulation = Simulation(scene, tangents=[name])
+    (sample,) = simulation.run(0.6, at=[0.6])
+    assert sample.kinetic_energy > 9.0
+    assert np.abs(sample.tangents[name].of('energy')) < 1e-10
+    assert abs(gradient(Simulation(scene), 'final(energy)', [name], duration=0.6).by[name]) < 1e-10
+
+
+def test_a_point_that_leaves_the_plane_of_a_plate() -> None:
+    """The plate of a delta robot lies in a plane, with a direction across it; further away from
+    the plane the point C does without. The plate only shifts, so the height of its centre of mass
+    moves nothing but C. Beside the drawing one scene was of another form: an IndexError."""
+    name = 'mechanism.points.C.at.2'
+    simulation = Simulation(load_scene('delta_robot'), tangents=[name])
+    simulation.step(20)
+    tangent = simulation.sample().tangents[name]
+    assert tangent.points['C'] == pytest.approx([0.0, 0.0, 1.0], abs=1e-10)
+    assert np.abs(tangent.points['Q0']).max() < 1e-10
+    assert np.abs(tangent.joint_velocities).max() < 1e-9
+
+
 def test_a_start_in_a_singular_position_is_refused() -> None:
     scene = overrides.with_changes(
         load_scene('slider_crank'),

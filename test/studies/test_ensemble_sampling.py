@@ -19,7 +19,7 @@ from alf_ros.errors import InputError
 from alf_ros.studies.ensemble import distributions as law
 from alf_ros.studies.ensemble.distributions import distribution
 from alf_ros.studies.ensemble.sampling import Sampling
-from alf_ros.studies.ensemble.study_reading import load_study
+from alf_ros.studies.ensemble.study_reading import load_study, study_of
 
 TWO = {'a': law.uniform(0.0, 1.0), 'b': law.normal(2.0, 0.5)}
 
@@ -182,6 +182,66 @@ def test_members_in_a_file(tmp_path):
         'scene: four_bar\nvary: parts.csv\nsampling: random\nmembers: 9\n'
     )
     assert load_study(tmp_path / 'study.yaml').members == 9
+
+
+@pytest.mark.parametrize(
+    ('vary', 'said'),
+    [
+        (
+            'coupler.mass: [1, oops]',
+            "4: vary.coupler.mass[1]: not a number, got 'oops'; expected a finite number",
+        ),
+        (
+            'coupler.mass:\n  - 1\n  - .inf',
+            "6: vary.coupler.mass[1]: not a finite number, got '.inf'",
+        ),
+        ('coupler.mass: [1, nan]', "4: vary.coupler.mass[1]: not a finite number, got 'nan'"),
+        ('coupler.mass: [1, 1e60]', "4: vary.coupler.mass[1]: too large, got '1e+60'"),
+        ('coupler.mass: [1, 2*q]', "4: vary.coupler.mass[1]: unknown name 'q' in '2*q'"),
+        (
+            'gravity.acceleration: [[0, -9], [0, nan]]',
+            "4: vary.gravity.acceleration[1]: not a finite number, got 'nan'",
+        ),
+        ('gravity.acceleration: [[0, -9], oops]', '4: vary.gravity.acceleration[1]: not a number'),
+        ('solver.tolerance: [1.0e-8, oops]', '4: vary.solver.tolerance[1]: not a number'),
+        ('joints.crank_pin.effort: [1, oops]', '4: vary.joints.crank_pin.effort[1]: not a number'),
+    ],
+)
+def test_a_listed_value_that_is_no_number_is_refused(vary, said, tmp_path):
+    """Before any member runs, with its line: it is a slip of the pen, and no member that fails."""
+    file = tmp_path / 'study.yaml'
+    file.write_text(
+        f'scene: slider_crank\nsampling: grid\nvary:\n {vary}\n'.replace('\n ', '\n  ')
+    )
+    with pytest.raises(InputError, match=re.escape(f'study.yaml:{said}')):
+        load_study(file)
+
+
+def test_a_cell_that_is_no_number_is_refused(tmp_path):
+    """With its line in the file of members; a word where the scene has a word stays."""
+    file = tmp_path / 'parts.csv'
+    file.write_text('coupler.mass, solver.integrator\n1, rk4\n\n2, oops\ninf, rk4\n')
+    said = re.escape(
+        "parts.csv:5: coupler.mass: not a finite number, got 'inf'; expected a finite"
+    )
+    with pytest.raises(InputError, match=said):
+        ensemble('slider_crank', file)
+
+
+def test_values_of_some_members_only():
+    """A quotient of parameters may be a number in other members; a mass below zero is a member
+    that fails; a motion is a function of time."""
+    vary: dict[str, Any] = {'L': [2.0, '1/(m-1)', 1.0], 'coupler.mass': [1.0, 2.0, -1.0]}
+    made = study_of('slider_crank', vary, sampling='table', duration=0.1)
+    assert made.members == 3
+    with pytest.raises(InputError, match='mass'):
+        made.scene_of(2)
+    driven = {'drives.turn.angle': ['0.5*t', 1.0]}
+    scene = {
+        'mechanism': 'slider_crank',
+        'drives': {'turn': {'joint': 'crank_pin', 'angle': 'pi/4'}},
+    }
+    assert study_of(scene, driven, sampling='table', duration=0.1).members == 2
 
 
 @pytest.mark.parametrize(

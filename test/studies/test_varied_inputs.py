@@ -82,6 +82,38 @@ def test_what_is_refused(name: str, told: str) -> None:
         overrides.with_changes(load_scene('slider_crank'), {name: '1'})
 
 
+@pytest.mark.parametrize(
+    ('refused', 'key'),
+    [
+        (lambda name: overrides.with_changes(load_scene('slider_crank'), {name: '1'}), '--set '),
+        (lambda name: ensemble('slider_crank', {name: [0.0, 1.0]}, sampling='grid'), 'vary.'),
+        (lambda name: optimise('slider_crank', {name: [0.0, 1.0]}, 'max(energy)'), 'vary.'),
+    ],
+)
+def test_a_torque_on_a_point_is_refused_where_it_is_named(refused: Any, key: str) -> None:
+    """B is a point: the message is about the name that was given, and no line of the scene."""
+    with pytest.raises(InputError, match="'B' has no orientation") as raised:
+        refused('wrenches.B.torque')
+    assert str(raised.value).startswith(f'{key}wrenches.B.torque: ')
+
+
+@pytest.mark.parametrize(
+    ('name', 'expected'),
+    [
+        ('joints.crank_pin.position', 'initial.positions.A'),
+        ('crank_pin.velocity', 'initial.velocities.A'),
+        ('joints.guide.position', 'initial.positions.B'),
+        ('joints.knee.position', 'drives.bend.angle'),
+    ],
+)
+def test_a_state_of_a_joint_is_no_number(name: str, expected: str) -> None:
+    """The message names the numbers that decide it."""
+    drives = {'bend': {'joint': 'knee', 'angle': 't'}}
+    scene = load_scene({'mechanism': 'slider_crank', 'drives': drives})
+    with pytest.raises(InputError, match=f'of a joint is no number.*; expected {expected}$'):
+        overrides.with_changes(scene, {name: '1'})
+
+
 def test_a_number_of_the_scene_comes_first() -> None:
     """An effect that has the name is not made twice."""
     scene = load_scene('slider_crank')

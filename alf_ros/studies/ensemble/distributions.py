@@ -86,7 +86,8 @@ class Distribution:
         object.__setattr__(self, 'numbers', tuple(given.items()))
         for name, number in given.items():  # a side of `truncnorm` may be open
             if math.isnan(number) or (math.isinf(number) and self.law in LAWS):
-                raise InputError('not finite', key=f'{self.law}.{name}', value=number)
+                key, expected = f'{self.law}.{name}', 'a finite number'
+                raise InputError('not finite', key=key, value=number, expected=expected)
         if self.law in LAWS:
             law = LAWS[self.law]
             if set(given) != set(law.numbers):
@@ -150,7 +151,7 @@ def _plain(number: Any, key: str) -> float:
     if isinstance(found, str):
         found = _OPEN.get(found.lower(), found)
     if isinstance(found, bool) or not isinstance(found, (int, float)):
-        raise InputError('not a number', key=key, value=number)
+        raise InputError('not a number', key=key, value=number, expected='a number')
     return found
 
 

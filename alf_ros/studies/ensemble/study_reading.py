@@ -27,13 +27,15 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.scene.text.yaml_document import BOOLEAN, Entry
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.ensemble import varied_table
 from alf_ros.studies.ensemble.chunk_size import cost_of, size_of
-from alf_ros.studies.ensemble.distributions import distribution, value
+from alf_ros.studies.ensemble.distributions import Distribution, distribution, value
 from alf_ros.studies.ensemble.kept_outputs import outputs as read_outputs
+from alf_ros.studies.ensemble.listed_values import refused
 from alf_ros.studies.ensemble.sampling import Sampling, Varied, sampling_named
 from alf_ros.studies.ensemble.store import kept_size
 from alf_ros.studies.ensemble.study import Study
-from alf_ros.studies.ensemble.varied_table import columns
+from alf_ros.studies.ensemble.varied_table import VariedTable
 
 KEYS = ('scene', 'vary', 'members', 'seed', 'sampling', 'duration', 'period', 'outputs', 'chunk')
 SAMPLES = 100  # in the duration, if no period is given
@@ -56,15 +58,18 @@ def study_of(
     """The study of these values; `alf_ros.ensemble` explains them. Without a `chunk` it has the
     one of an earlier `store`. Raises InputError."""
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    table = None
     if isinstance(vary, (str, Path)):
-        vary = columns(paths.named(vary, 'vary'))
+        table = varied_table.read(paths.named(vary, 'vary'))
+        vary = table.columns
         sampling = 'table' if sampling is None else sampling
     if not isinstance(vary, Mapping):
         expected = '{name: distribution}, or a CSV file'
         raise InputError('not a mapping', key='vary', value=vary, expected=expected)
     sampling = 'random' if sampling is None else sampling
     varied = {str(name): _varied(data, f'vary.{name}') for name, data in vary.items()}
-    loaded = overrides.with_inputs(loaded, varied)
+    loaded = overrides.with_inputs(loaded, varied, 'vary.')
+    _refuse_words(loaded, varied, table)
     if members is not None:
         members = check.whole(members, 'members', 1)
     seed = check.whole(seed, 'seed', 0, MOST_SEED)
@@ -116,6 +121,25 @@ def _varied(data: Any, key: str) -> Varied:
             raise InputError('an empty list', key=key, expected='values')
         return tuple(value(item, key) for item in data)
     return distribution(data, key)
+
+
+def _refuse_words(scene: Scene, vary: Mapping[str, Varied], table: VariedTable | None) -> None:
+    """Raises InputError for a listed value that no member can have, with the line of its table."""
+    for name, varied in vary.items():
+        found = None if isinstance(varied, Distribution) else refused(scene, name, varied)
+        if found is None:
+            continue
+        k, error = found
+        if table is None:
+            raise error.about(f'vary.{name}[{k}]')
+        raise InputError(
+            error.message,
+            file=table.file,
+            line=table.lines[k],
+            key=name,
+            value=error.value,
+            expected=error.expected,
+        )
 
 
 def _positive(given: Any, key: str) -> float:
@@ -179,12 +203,19 @@ def load_study(source: str | Path, **changes: Any) -> Study:
 
 
 def lines_of(fields: Mapping[str, Entry]) -> dict[str, int | None]:
-    """The lines of the keys of a study and of the entries in them, as in 'vary.coupler.mass'."""
+    """The lines of the keys of a study, of the entries in them, as in 'vary.coupler.mass', and of
+    the items of these, as in 'vary.coupler.mass[2]'."""
     lines = {}
     for key, entry in fields.items():
         lines[key] = entry.line
         if isinstance(entry.value, dict):
             lines |= {f'{key}.{name}': inner.line for name, inner in entry.value.items()}
+            lines |= {
+                f'{key}.{name}[{k}]': item.line
+                for name, inner in entry.value.items()
+                if isinstance(inner.value, tuple)
+                for k, item in enumerate(inner.value)
+            }
     return lines
 
 

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from alf_ros.errors import InputError
 from alf_ros.scene.text.decimal_numbers import decimal
 from alf_ros.scene.text.number_table import cells_of
 
 
-def columns(path: Path) -> dict[str, list[str]]:
-    """The values of each name, as texts that `fork --set` takes. Raises InputError."""
+class VariedTable(NamedTuple):
+    """The values of each name, as texts that `fork --set` takes, and the line of each member."""
+
+    file: str
+    columns: dict[str, list[str]]
+    lines: list[int]
+
+
+def read(path: Path) -> VariedTable:
+    """The table in a file. Raises InputError."""
     file, lines = str(path), cells_of(path)
     titled, names = next(lines, (None, []))
     for n, name in enumerate(names):
@@ -25,6 +34,7 @@ def columns(path: Path) -> dict[str, list[str]]:
             expected = 'a line of names, such as coupler.mass'
             raise InputError(error, file=file, line=titled, value=name, expected=expected)
     rows: list[list[str]] = []
+    numbers: list[int] = []
     for line, cells in lines:
         if len(cells) != len(names):
             expected = f'{len(names)} columns'
@@ -33,9 +43,11 @@ def columns(path: Path) -> dict[str, list[str]]:
             name = names[cells.index('')]
             raise InputError('an empty cell', file=file, line=line, key=name)
         rows.append(cells)
+        numbers.append(line)
     if not rows:
         raise InputError('no members in the file', file=file)
-    return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    by_name = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+    return VariedTable(file, by_name, numbers)
 
 
 def _is_number(word: str) -> bool:

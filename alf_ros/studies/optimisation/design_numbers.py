@@ -77,7 +77,7 @@ def design_numbers(scene: Scene, vary: Any) -> DesignNumbers:
         raise InputError(
             'nothing varies', key='vary', value=vary, expected='{name: [least, largest]}'
         )
-    scene = overrides.with_inputs(scene, [name for name in vary if isinstance(name, str)])
+    scene = overrides.with_inputs(scene, [name for name in vary if isinstance(name, str)], 'vary.')
     lower, upper, before = [], [], []
     for name, pair in vary.items():
         key = f'vary.{name}'
