@@ -20,7 +20,9 @@ from alf_ros.__main__ import main
 from alf_ros.studies.exact import motions, one_freedom
 from alf_ros.studies.hard_cases.cases import CASES
 from alf_ros.studies.hard_cases.trial import RunResult, RunSpec, TableRow, execute, observed_order
+from support.forked import ended
 from support.paths import DATA, ROOT
+from support.reader import START_LIMIT, environment
 
 
 @pytest.mark.parametrize(
@@ -83,8 +85,8 @@ def quick(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Quick:
     folder = tmp_path_factory.mktemp('cases') / 'new'
-    command = [sys.executable, '-m', 'alf_ros', 'hard_cases', '--quick', '--folder', str(folder)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT), folder
+    command = ['-m', 'alf_ros', 'hard_cases', '--quick', '--folder', str(folder)]
+    return ended(command, ROOT, environment(), START_LIMIT), folder
 
 
 def test_all_hard_cases_pass(quick: Quick) -> None:
