@@ -20,9 +20,12 @@ from alf_ros.effects.contract.force_branches import force_branches
 from alf_ros.effects.contract.traced_force import traced_force
 from support import complex_step
 from support.effect_examples import CASES, EXAMPLES, simulation
+from support.thorough import LONG
 
 _EXACT = 2e-14  # of the largest force or slope: a hundred roundings
 _DISPLACED = 1e-12  # likewise: a stop that is hardly touched has a depth of few digits
+# how far states are from the motion, so that they lie on several branches of a law
+_SIZES = (0.0, *(10 if LONG else 3) * [0.03, 0.3], *(20 if LONG else 6) * [3.0])
 # functions that have no derivative, and why
 WITHOUT_DERIVATIVE = {
     'friction': 'it depends on the reactions, which it changes: tangents of a run refuse it',
@@ -130,7 +133,7 @@ def test_derivative_of_an_effect(kind: str, which: str) -> None:
     at, rng = At(kind, which), np.random.default_rng(7)
     q, qd = at.q, at.qd
     moved = 0.0
-    for size in (0.0, *10 * [0.03], *10 * [0.3], *20 * [3.0]):  # on several branches of its law
+    for size in _SIZES:
         at.q, at.qd = (x + size * rng.normal(size=x.size) for x in (q, qd))
         for name, along in directions(at, rng).items():
             most = _DISPLACED if size else _EXACT

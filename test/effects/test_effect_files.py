@@ -14,7 +14,9 @@ from alf_ros import InputError, Simulation, StepError, effects, load_scene
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.scene import scene_from_text
 from support.documented_effect import BLOCKS, FILES
+from support.forked import ended
 from support.paths import ROOT
+from support.reader import START_LIMIT
 
 
 @pytest.fixture
@@ -26,14 +28,8 @@ def folder(tmp_path: Path) -> Path:
 
 def output(folder: Path, program: str = 'orbit.py', modules: Path = ROOT) -> str:
     """The output of a program in the folder, with the default cache."""
-    done = subprocess.run(
-        [sys.executable, program],
-        cwd=folder,
-        env={**os.environ, 'PYTHONPATH': f'{ROOT}:{modules}'},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = ended([program], folder, {**os.environ, 'PYTHONPATH': f'{ROOT}:{modules}'}, START_LIMIT)
+    assert done.returncode == 0, done.stderr
     return done.stdout
 
 

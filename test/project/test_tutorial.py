@@ -21,6 +21,7 @@ from std_msgs.msg import Float64, String
 
 from alf_ros import Simulation, load_scene
 from alf_ros.commands import COMMANDS
+from support.forked import ended
 from support.paths import ROOT
 from support.reader import START_LIMIT, environment
 
@@ -65,14 +66,7 @@ def made(command):
 def program(folder, name, limit=START_LIMIT):
     """The output of `.venv/bin/python <name>`, and what the tutorial shows (None: nothing)."""
     assert '`.venv/bin/python <name>`' in TUTORIAL
-    done = subprocess.run(
-        [sys.executable, name],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=limit,
-    )
+    done = ended([name], folder, environment(), limit)
     assert done.returncode == 0, done.stderr
     at = [text.startswith(f'# {name}\n') for _, text in BLOCKS].index(True)
     kind, text = BLOCKS[at + 1] if at + 1 < len(BLOCKS) else ('', '')
@@ -224,14 +218,7 @@ for sample in samples[::37]:
     assert np.allclose(pin - knee + [0.0, -9.81], rate, rtol=0.0, atol=1e-9), sample.t
 """
     (tmp_path / name).write_text(text + check, 'utf-8')
-    done = subprocess.run(
-        [sys.executable, name],
-        cwd=tmp_path,
-        env={**environment(), 'MPLBACKEND': 'Agg'},
-        capture_output=True,
-        text=True,
-        timeout=START_LIMIT,
-    )
+    done = ended([name], tmp_path, {**environment(), 'MPLBACKEND': 'Agg'}, START_LIMIT)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / 'pin_force.png').stat().st_size > 10_000
 

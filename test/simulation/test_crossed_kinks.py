@@ -161,7 +161,11 @@ def snaps(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         product(
             ['side', 'comparisons'], ['rk4', 'dop853_adaptive', 'esdirk43'], [3.0, 3.001, 2.0]
         ),
-        keep=lambda told, integrator, behind: integrator == 'rk4' or behind == 3.001,
+        # each integrator but rk4 compiles an effect again: one of both effects for each
+        keep=lambda told, integrator, behind: (
+            integrator == 'rk4'
+            or (behind == 3.001 and (told == 'side') == (integrator == 'dop853_adaptive'))
+        ),
     ),
 )
 def test_a_force_that_jumps_has_no_derivatives(
@@ -214,7 +218,7 @@ def with_law(law: str, folder: Path, head: str = HEAD) -> Scene:
     return pendulum('law')
 
 
-@pytest.mark.parametrize('spelled', KINKS)
+@pytest.mark.parametrize('spelled', thinned(KINKS, keep=lambda spelled: spelled != 'max'))
 def test_kinks_of_own_effects_are_known_by_their_code(spelled: str, tmp_path: Path) -> None:
     """However they are written. Without it, adaptive steps of 1e-13 were off by 7e-6."""
     check_derivatives(with_law(KINKS[spelled], tmp_path))

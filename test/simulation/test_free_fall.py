@@ -10,6 +10,7 @@ import pytest
 from alf_ros import Simulation
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation.side_by_side import SideBySide
+from support.thorough import combined
 
 G, DURATION = 9.81, 0.1
 AXES = ([0, 1, 0], [1, 0, 0], [0, 0, 1])
@@ -42,8 +43,10 @@ def walker(arms: int, links: int, mass: float, light: float) -> str:
 SIZES = [(1, 6, 10.0, 0.05), (2, 6, 10.0, 0.05), (1, 6, 30.0, 1e-3), (2, 8, 30.0, 0.01)]
 
 
-@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43'])
-@pytest.mark.parametrize('size', SIZES)
+@pytest.mark.parametrize(
+    ('size', 'integrator'),
+    combined([pytest.param(size) for size in SIZES], ['rk4', 'dop853_adaptive', 'esdirk43']),
+)
 def test_it_falls_as_one_body(size: tuple[int, int, float, float], integrator: str) -> None:
     simulation = Simulation(scene_from_text(walker(*size)), step=1e-3, integrator=integrator)
     assert simulation.sample().points['X'][2] == 1.0

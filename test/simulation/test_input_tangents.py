@@ -237,7 +237,7 @@ def test_steps_one_by_one_and_copies() -> None:
 @pytest.mark.parametrize('settings', SETTINGS)
 def test_gradients_equal_tangents(settings: dict[str, Any]) -> None:
     """In one pass back, for the efforts of many steps."""
-    steps, held = 300, [f'{EFFORT}[{n}:{n + 25}]' for n in range(0, 300, 25)]
+    steps, held = 300, [f'{EFFORT}[{n}:{n + 60}]' for n in range(0, 300, 60)]
     names = [EFFORT, *held, 'wrenches.B.force.x[40:]', 'coupler.mass']
     simulation = Simulation(load_scene(CRANK), tangents=names, **settings)
     plain = Simulation(load_scene(CRANK), **settings)

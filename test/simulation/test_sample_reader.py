@@ -15,9 +15,8 @@ from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation.observables import READINGS
 from alf_ros.simulation.sample_reader import KEYS, SampleReader, fits, mask
 from support.ball_scene import BALLS, NAMES
-from support.paths import ROOT
+from support.some_scenes import SOME_SCENES
 
-SCENES = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
 Into = dict[str, tuple[Floats, ...]]
 
 
@@ -43,7 +42,7 @@ def check(simulation: Simulation, reader: SampleReader, into: Into) -> bool:
     return True
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', SOME_SCENES)
 def test_every_scene_is_read_as_samples_read_it(name):
     simulation = Simulation(load_scene(name))
     if simulation.model.mechanism.drives:

@@ -13,9 +13,8 @@ from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation.resolution import Resolution, nice
 from alf_ros.simulation.stiffness import stiffest
 from support.effect_scenes import MASS, ROTOR
-from support.paths import ROOT
+from support.some_scenes import SOME_SCENES
 
-SCENES = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
 # three legs that slide, hinged to the ground above and balled to a plate that falls on the floor
 RPS = """
 mechanism:
@@ -128,7 +127,7 @@ def test_errors_that_outlast_their_step_are_counted(integrator: str) -> None:
         assert 0.75 * exact < moved < 1.35 * exact
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', SOME_SCENES)
 def test_no_alarm_in_the_library(name: str) -> None:
     sim = Simulation(load_scene(name))
     sim.step(round(5.0 / sim.h))

@@ -18,10 +18,11 @@ from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.sample_tangents import MotionTangent
 from alf_ros.studies.exact.exact_tangents import ExactTangents, double_four_bar, slider_crank
 from support.some_scenes import SOME_SCENES
-from support.tangent_robot import NUMBERS, ROBOT
-from support.thorough import combined
+from support.tangent_robot import GROUPS, NUMBERS, ROBOT
+from support.thorough import combined, thinned
 
 FIXED = {'step': 1e-2 / 7.0}
 ADAPTIVE = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
@@ -154,11 +155,14 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 @pytest.fixture(scope='module')
-def run(robot: Scene) -> Simulation:
-    sim = Simulation(robot, tangents=NUMBERS)
-    sim.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
-    sim.step(200)
-    return sim
+def tangents(robot: Scene) -> dict[str, MotionTangent]:
+    found: dict[str, MotionTangent] = {}
+    for names in GROUPS:
+        sim = Simulation(robot, tangents=names)
+        sim.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
+        sim.step(200)
+        found.update(sim.sample().tangents)
+    return found
 
 
 def read(sample: Sample) -> np.ndarray[Any, Any]:
@@ -187,7 +191,7 @@ def difference(
 
 
 @pytest.mark.parametrize('name', NUMBERS)
-def test_numbers_of_a_scene(robot: Scene, run: Simulation, name: str) -> None:
+def test_numbers_of_a_scene(robot: Scene, tangents: dict[str, MotionTangent], name: str) -> None:
     def other(scene: Scene) -> np.ndarray[Any, Any]:
         sim = Simulation(scene)
         sim.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
@@ -195,7 +199,7 @@ def test_numbers_of_a_scene(robot: Scene, run: Simulation, name: str) -> None:
         return read(sim.sample())
 
     expected = difference(robot, name, 1e-2, other)
-    tangent = run.sample().tangents[name]
+    tangent = tangents[name]
     points = np.concatenate([tangent.points[point] for point in tangent.points])
     joints = [tangent.joint_positions, tangent.joint_velocities]
     found = np.concatenate([tangent.q, tangent.qd, points, *joints])
@@ -239,19 +243,22 @@ def fast(robot: Scene) -> Scene:
 
 
 @pytest.fixture(scope='module')
-def along_arcs(fast: Scene) -> Simulation:
-    sim = Simulation(fast, tangents=NUMBERS, step=1e-2, integrator='rk4')
-    sim.step(8)
-    return sim
+def along_arcs(fast: Scene) -> dict[str, MotionTangent]:
+    found: dict[str, MotionTangent] = {}
+    for names in GROUPS:
+        sim = Simulation(fast, tangents=names, step=1e-2, integrator='rk4')
+        sim.step(8)
+        found.update(sim.sample().tangents)
+    return found
 
 
 @pytest.mark.parametrize('name', NUMBERS)
-def test_numbers_along_arcs(fast: Scene, along_arcs: Simulation, name: str) -> None:
+def test_numbers_along_arcs(fast: Scene, along_arcs: dict[str, MotionTangent], name: str) -> None:
     """A loop that quadratic rows close moves stages: how this way changes is left out."""
     expected = difference(
         fast, name, 3e-3, lambda each: after(each, 8, step=1e-2, integrator='rk4')
     )
-    tangent = along_arcs.sample().tangents[name]
+    tangent = along_arcs[name]
     found = np.concatenate([tangent.q, tangent.qd])
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
 
@@ -317,7 +324,7 @@ def test_beside_a_drive(
 
 
 def test_copies_and_states_continue_bit_for_bit(robot: Scene) -> None:
-    sim = Simulation(robot, tangents=NUMBERS)
+    sim = Simulation(robot, tangents=GROUPS[0])
     sim.step(20)
     state, others = sim.state, [copy.copy(sim), pickle.loads(pickle.dumps(sim))]
     sim.step(20)
@@ -331,21 +338,28 @@ def test_copies_and_states_continue_bit_for_bit(robot: Scene) -> None:
     sim.reset()
     assert (
         sim.state.tangents.tobytes()
-        == Simulation(robot, tangents=NUMBERS).state.tangents.tobytes()
+        == Simulation(robot, tangents=GROUPS[0]).state.tangents.tobytes()
     )
 
 
-def test_twelve_lanes() -> None:
-    """9 to 12 parameters share twelve lanes, with compiled code for them; here one effect, as each
-    effect has such code too. Runs with few parameters find the same tangents."""
+@pytest.mark.parametrize('windows', thinned([0, 7], keep=[7]))
+def test_more_lanes(windows: int) -> None:
+    """9 to 12 parameters share twelve lanes, 13 to 16 two registers, 17 two groups of that. Each
+    number of lanes has compiled code; here one effect, as each effect has such code too. Runs with
+    few parameters find the same tangents."""
     scene = load_scene('slider_crank')
     lengths = [f'mechanism.points.{name}' for name in ('O.at.0', 'A.at.1', 'B.at.0')]
     loads = [f'gravity.acceleration.{axis}' for axis in (0, 1)]
     names = ['m', 'L', 'crank.mass', 'coupler.mass', 'initial.velocities.B.0', *lengths, *loads]
-    assert 8 < len(names) <= 12
-    runs = [Simulation(scene, tangents=some) for some in (names, names[:5], names[5:])]
+    names += [f'joints.crank_pin.effort[{10 * k}:{10 * k + 10}]' for k in range(windows)]
+    assert len(names) in (10, 17)
+    Simulation(scene).step()
+    code = len(kernel.advance.signatures)
+    parts = (names, names[:5], names[5:10], *([names[10:]] if windows else []))
+    runs = [Simulation(scene, tangents=some) for some in parts]
     for run in runs:
         run.step(100)
+    assert len(kernel.advance.signatures) == code
     together, *few = [run.sample().tangents for run in runs]
     for name in names:
         expected = next(each[name] for each in few if name in each)
@@ -570,10 +584,7 @@ def test_all_runs_share_the_code_of_their_steps(robot: Scene, integrator: str) -
     steps = {'rk4': kernel.advance, 'esdirk43': kernel.advance_implicitly}[integrator]
     before = len(steps.signatures)
     assert before > 0
-    # All numbers take registers of another width, for which other tests compile the effects too.
-    counts = (1, len(NUMBERS)) if integrator == 'rk4' else (1,)
-    for count in counts:
-        Simulation(robot, tangents=NUMBERS[:count], **settings).step()
+    Simulation(robot, tangents=NUMBERS[:1], **settings).step()
     gradient(Simulation(robot, **settings), 'final(points.B.x)', NUMBERS[:1], duration=0.01)
     assert len(steps.signatures) == before
 

@@ -1,6 +1,6 @@
 """Numbers of assemblies, each against a count made independently, with some seeds of the search.
 
-Three; twenty with make thorough ARGS=test/studies/test_assemblies.py.
+Two; twenty with make thorough ARGS=test/studies/test_assemblies.py.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from alf_ros.studies.atlas.assembly_search import Assemblies
 from alf_ros.studies.atlas.random_places import RandomPlaces
 from support.thorough import LONG
 
-SEEDS = range(20 if LONG else 3)
+SEEDS = range(20 if LONG else 2)
 ROD = {'mass': 1.0, 'inertia': 'rod'}
 
 

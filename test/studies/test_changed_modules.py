@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -17,8 +16,10 @@ from alf_ros.studies.ensemble.crews import Processes
 from alf_ros.studies.ensemble.ensemble import conduct
 from alf_ros.studies.ensemble.study_reading import load_study
 from support.documented_effect import FILES
+from support.forked import ended
 from support.log_files import make
 from support.paths import ROOT
+from support.reader import START_LIMIT
 
 STUDY = """
 scene: orbit.yaml
@@ -62,11 +63,11 @@ def test_a_worker_with_other_code_ends_the_study(module: Path) -> None:
 
 
 def test_a_store_is_not_continued_with_other_code(module: Path) -> None:
-    command = [sys.executable, '-m', 'alf_ros', 'ensemble', 'study.yaml', '--workers', '1']
+    command = ['-m', 'alf_ros', 'ensemble', 'study.yaml', '--workers', '0']
     path = {**os.environ, 'PYTHONPATH': f'{ROOT}:{module.parent}'}
 
     def run() -> subprocess.CompletedProcess[str]:
-        return subprocess.run(command, env=path, capture_output=True, text=True)
+        return ended(command, Path.cwd(), path, START_LIMIT)
 
     assert run().returncode == 0
     seal = Path('study.zarr/.alf_ros/chunks/1.json')

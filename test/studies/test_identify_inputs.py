@@ -17,6 +17,7 @@ from alf_ros.scene.scene import Scene
 from alf_ros.studies.identification.recording import HeldInput
 from support.log_files import make
 from support.recordings import SLIDER_CRANK, Machine, pushes, scene
+from support.thorough import LONG
 
 EFFORT, FORCE, TORQUE = 'joints.crank_pin.effort', 'wrenches.B.force.x', 'wrenches.coupler.torque'
 TRUE = {EFFORT: 1.5, FORCE: -0.7}
@@ -54,7 +55,7 @@ def test_deviations_are_those_of_refits() -> None:
     """The scatter of estimates from other noise has the size that each fit tells."""
     each = [
         identify(scene(), machine().recording(1e-3, seed=seed), list(TRUE), window=1.0)
-        for seed in range(20)
+        for seed in range(20 if LONG else 8)
     ]
     off = np.array([(f.values - list(TRUE.values())) / f.deviations for f in each])
     assert (np.abs(off.mean(axis=0)) < 4.0 / np.sqrt(len(each))).all()

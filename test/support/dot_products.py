@@ -11,6 +11,7 @@ from alf_ros import Simulation
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.taped_run import TapedRun
+from support.tangent_robot import AT_ONCE
 
 
 def dot_products(
@@ -18,10 +19,14 @@ def dot_products(
 ) -> tuple[Any, Any, Any]:
     """For random ȳ at the end of a run: ȳᵀ δx by the tangents, by the adjoint, and the size of
     the sum."""
-    followed = Simulation(scene, tangents=names, **settings)
-    followed.step(steps)
-    state = followed.state
-    tangents = state.tangents.reshape(len(names), 2, state.q.size)
+    parts = []
+    for k in range(0, len(names), AT_ONCE):
+        some = names[k : k + AT_ONCE]
+        followed = Simulation(scene, tangents=some, **settings)
+        followed.step(steps)
+        state = followed.state
+        parts.append(state.tangents.reshape(len(some), 2, state.q.size))
+    tangents = np.concatenate(parts)
     simulation = Simulation(scene, **settings)
     run = TapedRun(simulation, names)
     list(run.go_on(steps))

@@ -25,8 +25,7 @@ def programs(text: str) -> list[tuple[str, str, str]]:
 
 
 def shown_by(arguments: list[str], folder: Path, **variables: str) -> tuple[str, str]:
-    """The output and the errors of Python with these arguments, in a folder. A command is a new
-    process, a program is forked."""
-    new = arguments[0] == '-m'
-    done = ended(arguments, folder, {**environment(), **variables}, START_LIMIT, new=new)
+    """The output and the errors of Python with these arguments, in a folder: of a forked process.
+    Tests of the commands themselves start new ones (test/commands)."""
+    done = ended(arguments, folder, {**environment(), **variables}, START_LIMIT)
     return done.stdout, done.stderr

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from support.thorough import LONG
+
 ROBOT = """
 mechanism:
   alf: 1
@@ -65,3 +67,6 @@ NUMBERS = (
     'air.wind.0',
     'initial.velocities.A.0',
 )
+# Eight have the code of many tests; for more of them each effect would be compiled again.
+AT_ONCE = len(NUMBERS) if LONG else 8
+GROUPS = [NUMBERS[k : k + AT_ONCE] for k in range(0, len(NUMBERS), AT_ONCE)]
