@@ -89,7 +89,7 @@ def test_processes_and_chunks_change_nothing():
     assert one['coupler.mass'].dims == ('member',)
 
 
-def _samples_in_memory(_: Run) -> float:
+def _samples_in_memory(_: Run | None = None) -> float:
     return sum(type(each) is Sample for each in gc.get_objects())
 
 
@@ -103,9 +103,13 @@ def test_members_together_are_read_sample_by_sample():
     study = study_of(
         'slider_crank', vary, members=4, duration=0.2, period=0.01, outputs=kept, chunk=4
     )
+    gc.collect()
+    others = _samples_in_memory()  # which an earlier test has left
     found = run_chunk(study, 0).arrays
     assert list(found['reason']) == [''] * 4
-    assert found['samples'].max() <= 2 * 4  # the last ones, of members whose loads may be open
+    assert (
+        found['samples'].max() - others <= 2 * 4
+    )  # the last ones, of members whose loads may be open
     alone = [run_member(study, k).arrays[0] for k in range(4)]
     assert [float(force) for force in alone] == found['force'].tolist()
 
