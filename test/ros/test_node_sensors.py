@@ -260,7 +260,7 @@ def test_readers_of_sensors_that_do_not_follow_are_named(tmp_path: Path, peer) -
     try:
         sensors = node._outputs._sensors
         assert sensors is not None and node._outputs.lagging == []
-        sensors.outputs['~/encoder'].lagging = True
+        sensors.outputs['~/encoder'].readers.lagging = True
         assert node._outputs.lagging == ['~/encoder']
     finally:
         node.close()

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock as SteadyClock
 from rclpy.clock import ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
@@ -21,13 +19,13 @@ from alf_ros.logs.log import Log
 from alf_ros.ros.messages.templates import to_time
 from alf_ros.ros.messages.topics import BEST_EFFORT
 from alf_ros.ros.parameter_services import ParameterServices
+from alf_ros.ros.reliable_readers import PATIENCE, ReliableReaders
 from alf_ros.ros.replay.sources import Source, StampedMessage, stamp_of
 from alf_ros.ros.simulator.parameters import Spec, declare
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
 _CLOCK = '/clock'
-_PATIENCE = 3.0  # s, with readers at the end, and of a replay as fast as possible
 
 
 class Replay(Node):
@@ -56,7 +54,10 @@ class Replay(Node):
         own_clock = _CLOCK not in self._outputs
         self._ticker = self.create_publisher(Clock, _CLOCK, BEST_EFFORT) if own_clock else None
         self.published = 0
-        self._lagging: set[str] = set()  # topics
+        self._readers = {
+            topic: ReliableReaders(output, source.topics[topic][1].depth)
+            for topic, output in self._outputs.items()
+        }
         self._stamp = source.first
         self._go_to(values['seek'])
         self.create_service(SetBool, '~/pause', self._on_pause)
@@ -72,10 +73,9 @@ class Replay(Node):
 
     def deliver(self) -> None:
         """Wait until those who hear reliably have heard all of it, for three seconds at most."""
-        end = time.monotonic() + _PATIENCE
-        for output in self._outputs.values():
-            left = max(0.0, end - time.monotonic())
-            output.wait_for_all_acked(Duration(seconds=left))
+        end = time.monotonic() + PATIENCE
+        for readers in self._readers.values():
+            readers.deliver(end)
 
     @property
     def t(self) -> float:
@@ -110,8 +110,6 @@ class Replay(Node):
         except AlfError as error:
             self.failure = error
             self.stop()
-        if not self._rate:
-            self._await_readers()
         if self._next is None:
             if self._loop:
                 self._go_to(self._spans[0])
@@ -121,25 +119,23 @@ class Replay(Node):
             return max(0.0, min(LOOK_PERIOD, (self._next.stamp - now) * 1e-9 / self._rate))
         return 0.0
 
-    def _await_readers(self) -> None:
-        """Wait until reliable readers have all messages. A topic whose reader does not follow is
-        waited for once, and named."""
-        for topic, output in self._outputs.items():
-            wait = 0.0 if topic in self._lagging else _PATIENCE
-            with suppress(RuntimeError):  # a middleware that cannot tell
-                if output.wait_for_all_acked(Duration(seconds=wait)):
-                    self._lagging.discard(topic)
-                elif topic not in self._lagging:
-                    self._lagging.add(topic)
-                    self._status.say(f'readers lose messages of {topic}: they do not follow')
-
     def _publish(self, item: StampedMessage) -> None:
         self._stamp = item.stamp
         if self._ticker is not None and item.stamp != self._told:
             self._told = item.stamp
             self._ticker.publish(Clock(clock=to_time(item.stamp)))
+        readers = self._readers[item.topic]
+        if not self._rate:
+            self._await_room(item.topic, readers)
         self._outputs[item.topic].publish(item.data)
+        readers.note(not self._rate)
         self.published += 1
+
+    def _await_room(self, topic: str, readers: ReliableReaders) -> None:
+        before = readers.lagging
+        readers.await_room()
+        if readers.lagging and not before:
+            self._status.say(f'readers lose messages of {topic}: they do not follow')
 
     def _on_look(self) -> None:
         if self._status.live:

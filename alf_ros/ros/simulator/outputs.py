@@ -16,10 +16,11 @@ from alf_ros.ros.messages.instant_messages import InstantMessages
 from alf_ros.ros.messages.shape_markers import nothing
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder
+from alf_ros.ros.reliable_readers import PATIENCE
 from alf_ros.ros.simulator.output_costs import TopicCost
 from alf_ros.ros.simulator.parameters import ALL
 from alf_ros.ros.simulator.sensor_outputs import SensorOutputs
-from alf_ros.ros.simulator.topic_output import PATIENCE, Output
+from alf_ros.ros.simulator.topic_output import Output
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.sample import Sample
@@ -192,14 +193,14 @@ class Outputs:
         end = time.monotonic() + PATIENCE
         sensors = self._sensors.outputs if self._sensors is not None else {}
         for output in (*self.samples.values(), *sensors.values()):
-            output.deliver(end)
+            output.readers.deliver(end)
 
     @property
     def lagging(self) -> list[str]:
         """Topics with a reliable reader that did not follow ticks as fast as possible."""
         sensors = self._sensors.outputs if self._sensors is not None else {}
         every = {**self.samples, **sensors}
-        return [name for name, output in every.items() if output.lagging]
+        return [name for name, output in every.items() if output.readers.lagging]
 
     def costs(self) -> dict[str, TopicCost]:
         """The cost of each topic since the last call. A read of several topics counts as the

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import copy
 import time
-from collections import deque
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from rclpy.duration import Duration
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from alf_ros.errors import InputError
 from alf_ros.logs.stamps import period_of
 from alf_ros.ros.recording.recorder import Recorder
+from alf_ros.ros.reliable_readers import ReliableReaders
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
-
-PATIENCE = 3.0  # s, with reliable readers of ticks as fast as possible, and at the end
 
 
 class Output:
@@ -46,10 +42,7 @@ class Output:
         self._node = node
         self.topic = self._publisher.topic_name
         self._subscribed = False
-        self.lagging = False  # a reliable reader did not follow ticks as fast as possible
-        self._unacknowledged = False  # whether readers may lack messages
-        # Of the messages in the history that readers may lack, whether they must not.
-        self._kept: deque[bool] = deque(maxlen=max(1, self.qos.depth))
+        self.readers = ReliableReaders(self._publisher, self.qos.depth)
         self.sent = 0.0  # s spent to publish
         self.logged = 0  # bytes given to the log
 
@@ -95,37 +88,18 @@ class Output:
     def hand_on(
         self, data: bytes, ns: int, publish: bool, record: bool, hold: bool = False
     ) -> None:
-        """Publish a message, and write it to the log; `hold`: wait for reliable readers first, if
-        the history of the publisher is full, and gives up a held message that they may not have.
+        """Publish a message, and write it to the log; `hold`: reliable readers must not lack it.
 
         Others do not count: readers have them, but tell so every few seconds only.
         """
         if publish:
-            if hold and len(self._kept) == self._kept.maxlen and self._kept[0]:
-                self._await_readers()
+            if hold:
+                self.readers.await_room()
             begun = time.thread_time()
             self._publisher.publish(data)
             self.sent += time.thread_time() - begun
-            self._unacknowledged = True
-            self._kept.append(hold)
+            self.readers.note(hold)
         if record and self.recorder is not None:
             self._recorded = self._period(ns)
             self.logged += len(data)
             self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
-
-    def deliver(self, end: float) -> None:
-        """Wait until reliable readers have all messages, up to `end` (s, of the monotonic clock);
-        not for one that did not follow before."""
-        if self._unacknowledged and not self.lagging:
-            left = Duration(seconds=max(0.0, end - time.monotonic()))
-            with suppress(RuntimeError):  # a middleware that cannot tell
-                self._publisher.wait_for_all_acked(left)
-
-    def _await_readers(self) -> None:
-        """Wait until reliable readers have all messages; after a reader that did not follow, only
-        look whether it has them now."""
-        wait = Duration(seconds=0.0 if self.lagging else PATIENCE)
-        with suppress(RuntimeError):  # a middleware that cannot tell
-            self.lagging = not self._publisher.wait_for_all_acked(wait)
-        self._unacknowledged = False
-        self._kept.clear()
