@@ -29,8 +29,8 @@ class ReliableReaders:
         self._kept: deque[bool] = deque(maxlen=max(1, depth))
 
     def await_room(self) -> None:
-        """Before a message: if it takes the place of one that they must not lack, wait until they
-        have all of them; after a reader that did not follow, only look whether it has them now."""
+        """Before a message that removes one from the history which they must not lack: wait until
+        they have all; after a reader that did not follow, only look whether it has them now."""
         if len(self._kept) < self._kept.maxlen or not self._kept[0]:  # type: ignore[operator]
             return
         wait = Duration(seconds=0.0 if self.lagging else PATIENCE)
