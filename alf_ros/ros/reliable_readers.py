@@ -23,15 +23,15 @@ class ReliableReaders:
 
     def __init__(self, publisher: Any, depth: int) -> None:
         self.lagging = False  # one of them did not follow
-        self._publisher = publisher
+        self._publisher, self._depth = publisher, max(1, depth)
         self._unacknowledged = False  # whether they may lack messages
         # of the messages in the history that they may lack, whether they must not
-        self._kept: deque[bool] = deque(maxlen=max(1, depth))
+        self._kept: deque[bool] = deque(maxlen=self._depth)
 
     def await_room(self) -> None:
         """Before a message that removes one from the history which they must not lack: wait until
         they have all; after a reader that did not follow, only look whether it has them now."""
-        if len(self._kept) < self._kept.maxlen or not self._kept[0]:  # type: ignore[operator]
+        if len(self._kept) < self._depth or not self._kept[0]:
             return
         wait = Duration(seconds=0.0 if self.lagging else PATIENCE)
         with suppress(RuntimeError):  # a middleware that cannot tell

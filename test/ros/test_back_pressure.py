@@ -61,6 +61,41 @@ def test_a_reader_of_a_replay_at_rate_0_loses_nothing(tmp_path, peer):
     assert len(heard) == 3001 and stamps(heard) == sorted(stamps(heard))
 
 
+def test_a_reader_of_a_replay_that_stands_still_is_named(tmp_path):
+    """The replay continues without it, and a signal ends it."""
+    path, _ = make(tmp_path, 'slider_crank', 500)
+    reader = subprocess.Popen(
+        [sys.executable, '-c', READER], env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+    )
+    command = [
+        sys.executable,
+        '-m',
+        'alf_ros',
+        'replay',
+        str(path.parent),
+        '--rate',
+        '0',
+        '--loop',
+    ]
+    replay = subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True)
+    try:
+        assert reader.stdout is not None and reader.stdout.readline() == 'heard\n'
+        os.kill(reader.pid, signal.SIGSTOP)
+        assert replay.stdout is not None
+        assert replay.stdout.readline().startswith('replay of')
+        named = 'readers lose messages of /joint_states: they do not follow\n'
+        assert replay.stdout.readline() == named
+        replay.send_signal(signal.SIGINT)
+        assert replay.wait(60) == 0
+        assert replay.stdout.read().startswith('stopped at')  # it was said once
+    finally:
+        replay.kill()
+        replay.wait()
+        os.kill(reader.pid, signal.SIGCONT)
+        reader.kill()
+        reader.wait()
+
+
 def test_a_reader_that_stands_still_is_named(tmp_path, peer):
     reports = peer.listen('/diagnostics', DiagnosticArray, DEEP)
     reader = subprocess.Popen(
