@@ -4,7 +4,8 @@
 
 Slider-cranks of ten seconds in chunks of the size that a million of them have by default (another
 size: --chunk), with a store: in one process, with processes of this machine, and with workers of a
-Dask cluster, whose scheduler is in the process of the client.
+Dask cluster, whose scheduler is in the process of the client. It has the settings of
+config/dask.yaml, or, as `watched cluster`, those of Dask alone.
 The first fifth of the chunks, which has the start, and the last ones, in which one worker may wait
 for the other, are not counted. All are measured by turns; numbers are medians.
 
@@ -34,6 +35,8 @@ from measured_chunk import MEASURED, measured_chunk
 from results_file import RESULTS
 
 # isort: split
+import yaml
+
 from alf_ros import load_scene
 from alf_ros.logs.provenance import about
 from alf_ros.scene.overrides import with_changes
@@ -45,7 +48,16 @@ from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
 
-CASES = (('this process', 1), ('processes', 1), ('processes', 2), ('cluster', 1), ('cluster', 2))
+CASES = (
+    ('this process', 1),
+    ('processes', 1),
+    ('processes', 2),
+    ('cluster', 1),
+    ('cluster', 2),
+    ('watched cluster', 1),
+    ('watched cluster', 2),
+)
+_DASK = RESULTS.parents[1] / 'config' / 'dask.yaml'
 _END = 2  # chunks of each worker that are not counted
 _SETTLING, _IDLE = 3.0, 5.0  # s behind the start of a cluster, and of looking at it
 
@@ -77,12 +89,17 @@ class _Here:
 @contextmanager
 def crew_of(kind: str, workers: int) -> Iterator[Crew]:
     """A crew of this kind, until the end of the block."""
-    if kind == 'cluster':
+    if kind.endswith('cluster'):
+        import dask
         from distributed import LocalCluster
 
-        with LocalCluster(
-            n_workers=workers, threads_per_worker=1, dashboard_address=None, host='127.0.0.1'
-        ) as found:
+        settings = yaml.safe_load(_DASK.read_text('utf-8')) if kind == 'cluster' else {}
+        with (
+            dask.config.set(dask.config.merge(dask.config.config, settings)),
+            LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None, host='127.0.0.1'
+            ) as found,
+        ):
             yield Cluster(found.scheduler_address, run=measured_chunk)
     else:
         yield Processes(workers, run=measured_chunk) if kind == 'processes' else _Here()
@@ -163,12 +180,12 @@ def main() -> None:
     size = options.chunk or many.chunk
     study = replace(many, chunk=size, members=options.chunks * size)
     costs: dict[tuple[str, int], list[Cost]] = {case: [] for case in CASES}
-    idles: dict[int, list[float]] = {1: [], 2: []}  # of a cluster, by its workers
+    idles: dict[tuple[str, int], list[float]] = {case: [] for case in CASES}  # of clusters
     for _ in range(options.rounds):
         for kind, workers in CASES:
             with crew_of(kind, workers) as crew:
-                if kind == 'cluster':
-                    idles[workers].append(idle() / workers)
+                if kind.endswith('cluster'):
+                    idles[kind, workers].append(idle() / workers)
                 costs[kind, workers].append(cost(crew, study, workers))
     found = []
     for (kind, workers), each in costs.items():
@@ -180,8 +197,8 @@ def main() -> None:
         }
         for n, part in enumerate(('members', 'workers', 'store', 'client')):
             cells[f'{part}_percent'] = f'{100.0 * median(one[n] for one in parts):.2f}'
-        is_cluster = kind == 'cluster'
-        cells['idle_percent'] = f'{100.0 * median(idles[workers]):.2f}' if is_cluster else '-'
+        seen = idles[kind, workers]
+        cells['idle_percent'] = f'{100.0 * median(seen):.2f}' if seen else '-'
         cells['members_per_s'] = f'{1.0 / median(one.clock for one in each):.4g}'
         twice = ['-'] * 3
         if workers == 2:  # each beside the run with one worker of the same round

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import shutil
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,6 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
 from alf_ros.digest import digest_now
 from alf_ros.errors import AlfError, InputError
@@ -24,6 +28,7 @@ from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
 from support.paths import ROOT
 
+dask = pytest.importorskip('dask')
 distributed = pytest.importorskip('distributed')
 
 STUDY = """
@@ -83,6 +88,28 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
         dashboard_address=':0',
     ) as found:
         yield found
+
+
+def test_dask_knows_all_settings_of_the_file() -> None:
+    settings = yaml.safe_load((ROOT / 'config' / 'dask.yaml').read_text('utf-8'))
+    unknown = list[str]()
+    pending = [('', settings, dask.config.merge(*dask.config.defaults))]
+    while pending:
+        path, given, known = pending.pop()
+        for key, value in given.items():
+            if key not in known:
+                unknown.append(f'{path}.{key}')
+            elif isinstance(value, dict):
+                pending.append((f'{path}.{key}', value, known[key]))
+    assert unknown == []
+
+
+def test_a_process_of_dask_takes_the_settings_of_the_file() -> None:
+    code = 'import distributed, dask; print(dask.config.get("distributed.worker.profile.enabled"))'
+    for settings, enabled in (({}, 'True'), ({'DASK_CONFIG': 'config/dask.yaml'}, 'False')):
+        command = [sys.executable, '-c', code]
+        run = subprocess.run(command, env=os.environ | settings, cwd=ROOT, capture_output=True)
+        assert run.stdout.decode().strip() == enabled, run.stderr.decode()
 
 
 def test_a_port_of_another_program_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
