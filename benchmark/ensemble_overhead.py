@@ -5,7 +5,7 @@
 Slider-cranks of ten seconds in chunks of the size that a million of them have by default (another
 size: --chunk), with a store: in one process, with processes of this machine, and with workers of a
 Dask cluster, whose scheduler is in the process of the client. It has the settings of
-config/dask.yaml, or, as `watched cluster`, those of Dask alone.
+config/dask.yaml, or, as `watched cluster`, only the settings of Dask.
 The first fifth of the chunks, which has the start, and the last ones, in which one worker may wait
 for the other, are not counted. All are measured by turns; numbers are medians.
 

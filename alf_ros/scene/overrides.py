@@ -19,6 +19,7 @@ import numpy as np
 from alf_ros import effects
 from alf_ros.columns import ColumnText
 from alf_ros.errors import InputError
+from alf_ros.scene.absent_sections import with_sections
 from alf_ros.scene.input_effects import input_effect, refuse_input, refuse_malformed
 from alf_ros.scene.joint_states import refuse_joint_state
 from alf_ros.scene.mechanism_file import read_parameters
@@ -32,6 +33,7 @@ _NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints 
 _INDEX = re.compile('0|[1-9][0-9]*')  # one spelling: a place has one name
 _TIME = re.compile(r'\bt\b')
 _RIVALS = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
+_OF_NODES = ('sensors', 'diff_drive')  # sections
 _PARTS = ('bodies', 'joints', 'points', 'vectors', 'couplings', 'parameters')
 
 
@@ -139,7 +141,9 @@ def _with_values(scene: Scene, values: Mapping[str, Entry], prefix: str) -> Entr
                 base.places[name] = place
         given.add(name, place)
         alike = alike and not isinstance(value.value, dict)
-        root = _replaced(_without_rivals(root, place), place, value, f'{prefix}{name}')
+        source = f'{prefix}{name}'
+        root = with_sections(_without_rivals(root, place), place, source)
+        root = _replaced(root, place, value, source)
     return root
 
 
@@ -273,6 +277,10 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     target = place_of_target(name, root, said) if not found else None
     if target is not None:
         return target
+    if not found and first == 'drives' and not drives:
+        return (first, *rest)
+    if not found and first in _OF_NODES:
+        raise InputError('has no effect: only the node `simulator` has it', key=said, value=name)
     if not found and not rest:
         inside = _numbers_of_parts(root, first)
         if inside:

@@ -198,3 +198,58 @@ def test_an_input_from_outside_is_an_effect_or_none(name: str, said: str) -> Non
     named = load_scene({'mechanism': 'slider_crank', 'effects': {'motor': motor}})
     if name == 'crank_pin.effort':  # the effect has the name of the joint
         assert overrides.number(named, name) == 0.5
+
+
+BARE = """
+mechanism:
+  alf: 1
+  points:
+    O: {at: [0, 0], fixed: true}
+    A: {at: [1, 0]}
+  bodies:
+    rod: {points: [O, A], mass: 1, inertia: rod}
+  joints:
+    pin: {type: revolute, between: [ground, rod], at: O}
+"""
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [
+        ('effects.gravity', '{acceleration: [0, -9.81]}'),
+        ('effects.gravity.acceleration', '[0, -9.81]'),
+        ('effects.damper.rope', '{between: [A, ground], at: [~, [0, 1]], damping: 2}'),
+        ('initial.velocities', '{A: [0, 1]}'),
+        ('initial.velocities.A', '[0, 1]'),
+        ('drives.motor', '{joint: pin, angle: 0.1*t}'),
+    ],
+)
+def test_a_section_that_the_scene_lacks_is_added(name: str, value: str) -> None:
+    section, *rest = name.split('.')
+    inner = value
+    for part in reversed(rest):
+        inner = f'{{{part}: {inner}}}'
+    written = scene_from_text(f'{BARE}{section}: {inner}\n')
+    changed = overrides.with_changes(scene_from_text(BARE), {name: value})
+    assert changed.text == written.text
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [
+        ('initial.speeds.A', "unknown key, got 'speeds'; known: positions, velocities, branch"),
+        ('effects.damper.damping', "missing key 'between'"),
+        ('effects.dampr.damping', "no such part, got 'dampr'"),
+    ],
+)
+def test_what_cannot_stand_there_is_refused_by_the_name_of_the_change(
+    name: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=f'^--set {name}: {said}'):
+        overrides.with_changes(scene_from_text(BARE), {name: '1'})
+
+
+@pytest.mark.parametrize('name', ['sensors.imu.rate', 'diff_drive.wheel_radius'])
+def test_what_only_the_node_has_is_no_change(name: str) -> None:
+    with pytest.raises(InputError, match=f'^--set: has no effect: only the node .*{name}'):
+        overrides.with_changes(load_scene('wheeled_robot'), {name: '1'})
