@@ -47,7 +47,7 @@ def _is_effort(word: str, others: Collection[str]) -> bool:
 @dataclass(frozen=True, eq=False)
 class LoadedMechanism:
     """A mechanism with its loads at one value. `still` (blocks D - n,): where fixed and prescribed
-    blocks are, m. `solves`: those of this mechanism, by the blocks that effects bind."""
+    blocks are, m. `solves`: of this mechanism, by the blocks that effects bind."""
 
     loads: Loads
     t: float
