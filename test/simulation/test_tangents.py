@@ -22,7 +22,7 @@ from alf_ros.simulation.sample_tangents import MotionTangent
 from alf_ros.studies.exact.exact_tangents import ExactTangents, double_four_bar, slider_crank
 from support.some_scenes import SOME_SCENES
 from support.tangent_robot import GROUPS, NUMBERS, ROBOT
-from support.thorough import combined
+from support.thorough import combined, thinned
 
 FIXED = {'step': 1e-2 / 7.0}
 ADAPTIVE = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
@@ -342,7 +342,7 @@ def test_copies_and_states_continue_bit_for_bit(robot: Scene) -> None:
     )
 
 
-@pytest.mark.parametrize('windows', [0, 7])
+@pytest.mark.parametrize('windows', thinned([0, 7], keep=[7]))
 def test_more_lanes(windows: int) -> None:
     """9 to 12 parameters share twelve lanes, 13 to 16 two registers, 17 two groups of that. Each
     number of lanes has compiled code; here one effect, as each effect has such code too. Runs with

@@ -482,7 +482,7 @@ def test_a_long_chain_falls() -> None:
     np.testing.assert_allclose(found.points['P100'], [0.0, -100.0], atol=1e-11)
 
 
-@pytest.mark.parametrize('links', thinned([150, 300, 650], keep=[150, 300]))
+@pytest.mark.parametrize('links', thinned([150, 300, 650], keep=[300]))
 def test_all_links_of_a_long_chain_turn_at_once(links: int) -> None:
     """One after another they need more steps than a search has."""
     found = equilibrium(level_chain(links))

@@ -12,6 +12,7 @@ do not depend on which of their λ is taken, because all λ satisfy them at the 
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -99,7 +100,11 @@ class PathPoint:
 
     def settled(self) -> PathPoint:
         """The same with its own slopes."""
-        return PathPoint(self.varied, self.scales, self.value, self.instant)
+        found = copy.copy(self)
+        found._near = None
+        for of_slopes in ('slopes', 'basis'):
+            vars(found).pop(of_slopes, None)
+        return found
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -132,7 +137,7 @@ class PathPoint:
     @cached_property
     def stability(self) -> RestStability:
         """As of a position of rest."""
-        return stability_of(self.instant, self.lam)
+        return stability_of(self.instant, self._reduced)
 
     @property
     def stiffness(self) -> Floats:
@@ -167,8 +172,7 @@ class PathPoint:
         J = instant.J_of_movable
         self.mechanism.solve.factorise(instant.M, J, instant.q)
         U = self.mechanism.solve.solve(np.zeros(n), -slopes.gap)[0]
-        H = instant.K + instant.curvature(self.lam)
-        b = Z.T @ (slopes.force - H @ U)
+        b = Z.T @ (slopes.force - self._reduced.whole @ U)
         equations = np.column_stack([self.stiffness * scales.length, -b * scales.value])
         return np.column_stack([Z * scales.length, U * scales.value]), equations
 

@@ -33,7 +33,12 @@ from alf_ros.studies.statics.frozen_time import read_at, standing_still
 from alf_ros.studies.statics.instant import DENSE, Chosen, Instant, Loads, angles, counted
 from alf_ros.studies.statics.newton_rest import nearest_rest
 from alf_ros.studies.statics.rest_at_kink import ON_ONE_SIDE, UNDECIDED, with_both_sides
-from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stability_of
+from alf_ros.studies.statics.rest_stability import (
+    NEUTRAL,
+    RestStability,
+    reduced_stiffness,
+    stability_of,
+)
 from alf_ros.studies.statics.turned_starts import counting, turned_starts
 
 _SAME = 1e-6  # of the size, between positions that count as one
@@ -274,7 +279,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
     if model.n > DENSE:
         notes.append(f'stability is not told of more than {DENSE} coordinates; see `modes`')
     elif not singular:
-        told = stability_of(instant, landing.lam)
+        told = stability_of(instant, reduced_stiffness(instant, landing.lam))
         if not told.stiffness.size:
             notes.append('nothing is free: rows and drives hold every point')
     blur = _uncertainty(instant, told)

@@ -21,6 +21,7 @@ from alf_ros.studies.statics.rest_stability import (
     STABLE,
     UNSTABLE,
     RestStability,
+    reduced_stiffness,
     stability_of,
 )
 
@@ -47,7 +48,8 @@ def with_both_sides(instant: Instant, told: RestStability) -> tuple[RestStabilit
                 side = moved(instant, sense * length / float(np.abs(along).max()) * along)
             except AssemblyError:
                 continue
-            verdicts.add(stability_of(side, pushed(side, solve)[1]).verdict)
+            stiffness = reduced_stiffness(side, pushed(side, solve)[1])
+            verdicts.add(stability_of(side, stiffness).verdict)
     found = [verdict for verdict in _WORST_FIRST if verdict in verdicts]
     if len(found) == 1:
         return told, ''

@@ -34,10 +34,12 @@ _SOLVED = 1e-14  # of the largest number of a matrix: what its eigenvalues may b
 class ReducedStiffness:
     """H = Zᵀ (K + Σ λ_k H_k) Z on the free directions, and what it is the sum of.
 
-    matrix (f, f): H, 1/s². terms (n, n): magnitudes, N/m. Z (n, f), kg^-½.
+    matrix (f, f): H, 1/s². whole (n, n): K + Σ λ_k H_k, N/m. terms (n, n): magnitudes, N/m.
+    Z (n, f), kg^-½.
     """
 
     matrix: Floats
+    whole: Sparse
     terms: Sparse
     Z: Floats
 
@@ -110,11 +112,12 @@ class RestStability:
 
 
 def reduced_stiffness(instant: Instant, lam: Floats) -> ReducedStiffness:
-    """Of an instant with λ (rows,) in the kernel's order."""
-    Z, K, L = instant.velocity_directions, instant.K, instant.curvature(lam)
-    # reactions of two rows may cancel in L, as of bars that lie on each other
-    terms = abs(K) + instant.curvature(lam, sizes=True)
-    return ReducedStiffness(np.asarray(Z.T @ ((K + L) @ Z)), terms, Z)
+    """Of an instant with λ (rows,) in the kernel's order. Raises InputError if a free motion has
+    no mass, or the mechanism is too large for dense matrices."""
+    Z, whole = instant.velocity_directions, instant.K + instant.curvature(lam)
+    # reactions of two rows may cancel in Σ λ_k H_k, as of bars that lie on each other
+    terms = abs(instant.K) + instant.curvature(lam, sizes=True)
+    return ReducedStiffness(np.asarray(Z.T @ (whole @ Z)), whole, terms, Z)
 
 
 def reduced_modes(stiffness: ReducedStiffness) -> ReducedModes:
@@ -137,10 +140,8 @@ def reduced_modes(stiffness: ReducedStiffness) -> ReducedModes:
     return ReducedModes(squares, (stiffness.Z @ real).T, partners)
 
 
-def stability_of(instant: Instant, lam: Floats) -> RestStability:
-    """Of an instant at rest with λ (rows,) in the kernel's order. Raises InputError if a free
-    motion has no mass, or the mechanism is too large for dense matrices."""
-    stiffness = reduced_stiffness(instant, lam)
+def stability_of(instant: Instant, stiffness: ReducedStiffness) -> RestStability:
+    """Of an instant at rest with its `reduced_stiffness`."""
     found, conservative = reduced_modes(stiffness), stiffness.conservative
     Z = instant.velocity_directions
     damping = np.asarray(Z.T @ (instant.C @ Z))

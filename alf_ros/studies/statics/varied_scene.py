@@ -47,16 +47,20 @@ def _is_effort(word: str, others: Collection[str]) -> bool:
 @dataclass(frozen=True, eq=False)
 class LoadedMechanism:
     """A mechanism with its loads at one value. `still` (blocks D - n,): where fixed and prescribed
-    blocks are, m."""
+    blocks are, m. `solves`: of this mechanism, by the blocks that effects bind."""
 
     loads: Loads
     t: float
     still: Floats
+    solves: dict[tuple[tuple[int, ...], ...], ConstrainedSolve]
 
     @cached_property
     def solve(self) -> ConstrainedSolve:
-        """Of this mechanism."""
-        return ConstrainedSolve(self.loads.model, self.loads.tangents.cliques)
+        """Of this mechanism, with a factor that others may replace."""
+        bound = tuple(self.loads.tangents.cliques)
+        if bound not in self.solves:
+            self.solves[bound] = ConstrainedSolve(self.loads.model, bound)
+        return self.solves[bound]
 
     def instant(self, q: Floats, turns: Integers) -> Instant:
         """At rest at q (blocks D, m)."""
@@ -93,6 +97,7 @@ class VariedScene:
         self._of_effects = False
         self.unit = 's' if over == TIME else ''
         self._known: OrderedDict[float, LoadedMechanism] = OrderedDict()
+        self._solves: dict[tuple[tuple[int, ...], ...], ConstrainedSolve] = {}
         self._structure = Neighbour(simulation._start, simulation.scene).structure
         if over != TIME:
             self._find(over)
@@ -167,7 +172,8 @@ class VariedScene:
                 model, q = start.model, np.array(start.q)
         prescribe(model.system, t, q, np.zeros_like(q), np.zeros_like(q))
         loads = Loads(base, model=model, effects=effects, inputs=inputs)
-        return LoadedMechanism(loads, t, q[model.n :])
+        solves = self._solves if model is base.model else {}
+        return LoadedMechanism(loads, t, q[model.n :], solves)
 
     def _check(self, value: float, there: Neighbour, adjusted: bool) -> None:
         """Raises InputError where the equations have another form than in the scene."""
