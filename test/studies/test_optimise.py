@@ -356,6 +356,15 @@ def test_numbers_without_an_effect_are_told() -> None:
     assert said == ['coupler.mass changes neither the objective nor a limited number there']
 
 
+@pytest.mark.filterwarnings('error')
+def test_a_path_that_no_number_changes_has_settled() -> None:
+    """Its gradient is 0, or as small as rounding makes it."""
+    goal, vary = {'path': 'P', 'through': NEAR}, {'gravity.acceleration.1': [-12.0, -8.0]}
+    found = optimise(four_bar(), vary, goal, duration=1.0, period=0.1, designs=4)
+    assert found.settled and found.objective_after == found.objective_before
+    assert found['gravity.acceleration.1'] == -9.81
+
+
 BAD: list[tuple[dict[str, Any], str]] = [
     ({'vary': {}}, 'vary: nothing varies'),
     ({'vary': {'e': [0, 1]}}, 'vary.e'),

@@ -50,6 +50,22 @@ def best_starts(
     return tuple(found)
 
 
+def surest_starts(
+    windows: WeighedWindows,
+    linear: WeighedWindows,
+    shared: Floats,
+    free: Sequence[Floats],
+    tolerance: float,
+) -> tuple[Floats, ...]:
+    """The same for a loss that hardly feels far residuals: also from the best starts of the same
+    windows with the `linear` one, which feels them. Of each window the better one counts."""
+    own = best_starts(windows, shared, free, tolerance)
+    other = best_starts(windows, shared, best_starts(linear, shared, free, tolerance), tolerance)
+    each = [costs(windows, windows.begun(starts), shared) for starts in (own, other)]
+    found = zip(own, other, *each, strict=True)
+    return tuple(here if first <= second else there for here, there, first, second in found)
+
+
 def _steps(
     windows: WeighedWindows,
     free: Sequence[Floats],

@@ -15,7 +15,11 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation.input_checks import by_name, choice, number, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
-from alf_ros.studies.identification.best_starts import best_starts, nearer_starts
+from alf_ros.studies.identification.best_starts import (
+    best_starts,
+    nearer_starts,
+    surest_starts,
+)
 from alf_ros.studies.identification.counted_once import check_recordings
 from alf_ros.studies.identification.handed_over import handed_over
 from alf_ros.studies.identification.identified import ChannelFit, Identification
@@ -145,7 +149,7 @@ class _Work:
         fit = self._fit(self._fitted)
         after = self._residuals(fit, self._fitted, solution.free, solution.shared)
         held = self._fit(self._away)
-        held_free = best_starts(held, solution.shared, [_free(w) for w in self._away], FINE)
+        held_free = self._starts(held, solution.shared, [_free(w) for w in self._away], FINE)
         held_after = self._residuals(held, self._away, held_free, solution.shared)
         names = [*self._names, DELAY] if runs.delay else list(self._names)
         return Identification(
@@ -188,7 +192,7 @@ class _Work:
         chosen, free = self._chosen(), [_free(w) for w in self._fitted]
         windows = [self._fitted[n] for n in chosen]
         fit = self._fit(windows)
-        starts = best_starts(fit, shared.begin, [free[n] for n in chosen], COARSE)
+        starts = self._starts(fit, shared.begin, [free[n] for n in chosen], COARSE)
         before = self._residuals(fit, windows, starts, shared.begin)
         self._relevel(before, starts, 0)
         for n, own in zip(chosen, starts, strict=True):
@@ -269,8 +273,16 @@ class _Work:
     def _told(self, evaluations: int, cost: float) -> None:
         self._say(f'{self.evaluations + evaluations} evaluations, cost {cost:.6g}')
 
-    def _fit(self, windows: Sequence[Window]) -> WeighedWindows:
-        return WeighedWindows(self._runs, windows, self._levels, self._loss)
+    def _fit(self, windows: Sequence[Window], loss: str = '') -> WeighedWindows:
+        return WeighedWindows(self._runs, windows, self._levels, loss or self._loss)
+
+    def _starts(
+        self, fit: WeighedWindows, shared: Floats, free: Sequence[Floats], tolerance: float
+    ) -> tuple[Floats, ...]:
+        """The best starts of windows with shared numbers that stay."""
+        if self._loss == 'linear':
+            return best_starts(fit, shared, free, tolerance)
+        return surest_starts(fit, self._fit(fit.windows, 'linear'), shared, free, tolerance)
 
     def _relevel(self, residuals: WindowResiduals, free: Sequence[Floats], numbers: int) -> None:
         whole, of = residuals.joined

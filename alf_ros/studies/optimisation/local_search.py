@@ -60,6 +60,10 @@ class _TooManyError(Exception):
     """All designs of a search are spent."""
 
 
+class _LevelError(Exception):
+    """The gradient is 0 but for rounding; scipy would divide by it."""
+
+
 def searched(designs: Designs, start: Floats, most: int) -> LocalOptimum:
     """The optimum near a design (P,), after `most` evaluations at most. Raises AlfError if the
     start itself cannot be."""
@@ -109,9 +113,12 @@ class _Search:
             return found.objective.residuals
 
         def jacobian(u: Floats) -> Floats:
-            found = self._designs.at(self.values(u)).objective.jacobian
-            assert found is not None
-            return found * self._designs.numbers.width
+            at = self._designs.at(self.values(u)).objective
+            assert at.jacobian is not None
+            width = self._designs.numbers.width
+            if np.abs(at.gradient * width).max() <= _TIGHT * at.value:
+                raise _LevelError
+            return at.jacobian * width
 
         try:
             done = least_squares(
@@ -126,6 +133,8 @@ class _Search:
             )
         except _TooManyError:
             return LocalOptimum(best[0], False, _ENDS[0])
+        except _LevelError:
+            return LocalOptimum(best[0], True, _ENDS[1])
         except ValueError:  # the first design, which scipy moves off the bounds, cannot be
             if not failure:
                 raise

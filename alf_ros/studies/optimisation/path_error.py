@@ -1,12 +1,14 @@
 """The distance of a point of the mechanism from places that its path should go through.
 
 With instants, place k is meant for instant k: r_k = x(t_k) - place_k. Without, it is meant for
-the nearest point of the path: t_k is where |x(t) - place_k| is least. There r_k ⟂ ẋ, or t_k is an
-end of the motion, so that
+the nearest point of the path: t_k is where |x(t) - place_k| is least. There r_k · ẋ = 0, or t_k is
+an end of the motion, so that
 
-    d|r_k|²/dθ = 2 r_k · (1 - e eᵀ) ∂x/∂θ,  e = ẋ / |ẋ|   (e = 0 at an end)
+    d|r_k|²/dθ = 2 r_k · (1 - ẋ ẋᵀ / b) ∂x/∂θ,  b = |ẋ|² + r_k · ẍ   (1 / b = 0 at an end)
 
-and (1 - e eᵀ) ∂x/∂θ serves as the derivative of r_k: the gradient of the sum of squares is exact.
+and (1 - ẋ ẋᵀ / b) ∂x/∂θ serves as the derivative of r_k: the gradient of the sum of squares is
+exact. Beside the path b is about |ẋ|², so that motion along the path does not count. Where the
+point turns back ẋ = 0, and all motion counts.
 """
 
 from __future__ import annotations
@@ -39,10 +41,11 @@ class PathError:
         track = motion.track(self.point, times)
         dx = track.dx
         if self.times is None:
-            speed = np.linalg.norm(track.v, axis=1)
-            moves = (times > motion.t[0]) & (times < motion.t[-1]) & (speed > 0.0)
+            square = (track.v * track.v).sum(axis=1)
+            bend = square + ((track.x - self.places) * self._curve(motion)(times, 2)).sum(axis=1)
+            moves = (times > motion.t[0]) & (times < motion.t[-1]) & (square > 0.0)
             e = np.zeros_like(track.v)
-            e[moves] = track.v[moves] / speed[moves, None]
+            e[moves] = track.v[moves] / np.sqrt(np.maximum(bend, square)[moves, None])
             dx = dx - np.einsum('kd,kpe,ke->kpd', e, dx, e)
         root, P = np.sqrt(len(times)), dx.shape[1]
         r = (track.x - self.places) / root
@@ -61,7 +64,7 @@ class PathError:
     def _nearest(self, motion: DesignMotion) -> Floats:
         """(K,) s: where the path is nearest to each place."""
         first, last = float(motion.t[0]), float(motion.t[-1])
-        curve = CubicHermiteSpline(motion.t, *path(motion.samples, self.point))
+        curve = self._curve(motion)
         fine = np.linspace(first, last, _FINE * (motion.t.size - 1) + 1)
         away = np.linalg.norm(curve(fine)[:, None] - self.places, axis=2)
         times = fine[away.argmin(axis=0)]
@@ -77,6 +80,10 @@ class PathError:
             bend = (v * v).sum(axis=1) + (off * curve(times, 2)).sum(axis=1)
             times = np.clip(_newton(times, off, v, bend), first, last)
         return times
+
+    def _curve(self, motion: DesignMotion) -> CubicHermiteSpline:
+        """The path over time (s), by cubics between samples."""
+        return CubicHermiteSpline(motion.t, *path(motion.samples, self.point))
 
 
 def _newton(times: Floats, off: Floats, v: Floats, bend: Floats) -> Floats:
