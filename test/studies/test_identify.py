@@ -20,6 +20,7 @@ from alf_ros.commands.identify import main
 from alf_ros.errors import InputError
 from alf_ros.scene.overrides import number, with_changes
 from alf_ros.studies.identification import identification, posture_track, window_runs
+from alf_ros.studies.identification.dated_forces import check_delay
 from alf_ros.studies.identification.recording import MeasuredChannel
 from support.gripper import GRIPPER
 from support.log_files import make
@@ -201,6 +202,27 @@ def test_delay_and_quantised_encoders() -> None:
     assert found.deviations[2] < 5e-4
     for channel in found.channels:
         assert channel.after == pytest.approx(quantum / np.sqrt(12.0), rel=0.15)
+
+
+def test_a_delay_needs_what_acts_at_a_known_time() -> None:
+    moved, pushed = machine().recording(), pushes('crank_pin', 8.0, 2.0)
+    held = [replace(pushed[0], t=t) for t in (0.0, 0.5, 1.0)]  # the same effort again and again
+    for inputs in ((), tuple(held)):
+        with pytest.raises(InputError, match='^delay: no input, drive or table acts at a known'):
+            identify(scene(), replace(moved, inputs=inputs), FIT, delay=True)
+    motor = '{push: {joint: crank_pin, effort: [[0, 0], [1, 2]]}}'
+    table = '{push: {on: B, table: [[0, 0, 0], [1, 2, 0]]}}'
+    drive = '{joint: crank_pin, angle: 0.2*t}'
+    check_delay(scene(), [replace(moved, inputs=(*held, replace(pushed[1], t=1.5)))])
+    for name, value in (
+        ('effects.motor', motor),
+        ('effects.user_table', table),
+        ('drives.turn', drive),
+    ):
+        check_delay(with_changes(scene(), {name: value}), [moved])
+    constant = with_changes(scene(), {'effects.motor': '{push: {joint: crank_pin, effort: 2}}'})
+    with pytest.raises(InputError, match='^delay: '):
+        check_delay(constant, [moved])
 
 
 def test_inputs_between_steps_are_told() -> None:

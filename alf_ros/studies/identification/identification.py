@@ -21,6 +21,7 @@ from alf_ros.studies.identification.best_starts import (
     surest_starts,
 )
 from alf_ros.studies.identification.counted_once import check_recordings
+from alf_ros.studies.identification.dated_forces import check_delay
 from alf_ros.studies.identification.handed_over import handed_over
 from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
@@ -112,6 +113,8 @@ def identify(
     own = [overrides.number_name(loaded, name) for name in names]
     runs = WindowRuns(loaded, own, each_channel, late)
     windows = cut(read, channels, length, runs.h, part, widest_margin(shared, late))
+    if late:
+        check_delay(loaded, read)
     windows = _tracked(runs, read, windows)
     levels = noise_levels.first_levels(each_channel, given)
     away = sum(w.kept_away for w in windows)
