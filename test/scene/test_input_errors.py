@@ -103,7 +103,13 @@ MISTAKES = {
     'zero division': ('mass: 2.0', 'mass: 1/0', 'plate', 'division by zero'),
     'unknown parameter': ('[half, 2*L]', '[haf, 0]', 'C:', "name 'haf' in 'haf'.*mean 'half'"),
     'unknown function': ('half: L/2', 'half: sqr(2)', 'half', "got 'sqr'; did you mean 'sqrt'"),
-    'order of parameters': ('L: 1.0', 'L: half', 'L: half', "unknown name 'half'"),
+    'order of parameters': (
+        'L: 1.0',
+        'L: half',
+        'L: half',
+        "uses a parameter further below, got 'half'; expected parameters that stand above it",
+    ),
+    'parameter of itself': ('L: 1.0', 'L: 2*L', 'L: 2', "uses itself, got 'L'"),
     'reserved parameter': (
         'L: 1.0',
         'L: 1.0\n    pi: 3',

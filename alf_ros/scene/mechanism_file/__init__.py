@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from alf_ros import columns
+from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Body, Coupling, Drive, Joint, Mechanism, Point, Vector
 from alf_ros.mechanism.natural_coordinates import Layout, cut
 from alf_ros.scene.mechanism_file import couplings
@@ -194,7 +195,15 @@ def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> di
     for key, entry in own.items():
         if not repetition.NAME.fullmatch(key) or reserved(key):
             raise entry.error('this name cannot be used for a parameter', value=key)
-        values[key] = overrides.get(key, entry).number(values)
+        given = overrides.get(key, entry)
+        try:
+            values[key] = given.number(values)
+        except InputError as error:
+            if error.value in values or error.value not in own:
+                raise
+            what = 'uses itself' if error.value == key else 'uses a parameter further below'
+            expected = 'parameters that stand above it'
+            raise given.error(what, value=error.value, expected=expected) from None
     return values
 
 
