@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from alf_ros.exchange.nearby_packages import nearby_package
 from alf_ros.exchange.robot import FramePose, Robot
 from alf_ros.mechanism import VisualShape
 from alf_ros.mechanism.visual_shapes import PACKAGE, roll_pitch_yaw
@@ -49,12 +50,17 @@ def shape(
 
 
 def mesh_file(text: str, folder: Path) -> str:
-    """The absolute path or the `package://` URI of a mesh that a file in `folder` names. Raises
-    ValueError for what no mechanism can name."""
+    """The absolute path or the `package://` URI of a mesh that a file in `folder` names: a path if
+    ROS does not find the package, and its folder is around the file. Raises ValueError for
+    what no mechanism can name."""
     name = unquote(text.removeprefix('file://')) if text.startswith('file://') else text
-    if not name.startswith(PACKAGE):
-        if '://' in name:
-            raise ValueError(text)
+    if name.startswith(PACKAGE):
+        package, _, inner = name.removeprefix(PACKAGE).partition('/')
+        nearby = nearby_package(package, folder / 'file')
+        name = name if nearby is None else os.path.abspath(nearby / inner)
+    elif '://' in name:
+        raise ValueError(text)
+    else:
         name = os.path.abspath(folder / name)
     if not is_mesh(name) or '<' in name:  # which stands for an index
         raise ValueError(text)

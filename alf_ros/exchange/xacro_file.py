@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError
+from alf_ros.exchange.nearby_packages import found_by_ament, nearby_package
 from alf_ros.resources import shares
 from alf_ros.scene.text.yaml_document import LARGEST_FILE
 
@@ -17,26 +19,57 @@ from alf_ros.scene.text.yaml_document import LARGEST_FILE
 _ARGUMENT = re.compile(
     r"""<\w+:arg\b[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg\s+([^)\s]+)|\barg\(\s*["']([^"']+)"""
 )
+_PARTS, _MACRO = re.compile(r'<(link|model|include)\b'), re.compile(r'<\w+:macro\b')
 _PACKAGE = re.compile(r'\$\(find\s+([^)\s]+)')
 _NOT_FOUND = ('AMENT_PREFIX_PATH', 'not found, searching', 'ament_index')
 
 
 def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
-    """The XML of a xacro. Raises InputError, also for arguments that it does not have."""
+    """The XML of a xacro. Packages that ROS does not find are searched around the file.
+
+    Raises InputError, also for arguments that the file does not have.
+    """
     try:
         import xacro
     except ImportError:
         message = 'a xacro: `pip install xacro`, or run `xacro FILE > OUT.urdf` first'
         raise InputError(message, file=str(path)) from None
-    getattr(xacro, 'all_includes', []).clear()  # of files before
-    try:
-        document = xacro.process_file(str(path), mappings=dict(arguments))
-        whole = bytes(document.toxml(encoding='utf-8'))
-    except Exception as error:  # whatever an expression of the file raises
-        raise _refused(path, xacro, error) from None
-    if arguments:
-        _check(arguments, path, xacro)
-    return whole
+    packages = dict[str, Path]()  # around the file; each attempt reads more of its includes
+    while True:
+        with found_by_ament(packages) as links:
+            shown = partial(_unlinked, links=links, packages=packages)
+            getattr(xacro, 'all_includes', []).clear()  # of files before
+            try:
+                document = xacro.process_file(str(path), mappings=dict(arguments))
+                whole = shown(document.toxml())
+            except Exception as error:  # whatever an expression of the file raises
+                found = {name: nearby_package(name, path) for name in _missing(path, xacro)}
+                more = {name: folder for name, folder in found.items() if folder is not None}
+                if not more:
+                    raise _refused(path, xacro, error, shown) from None
+            else:
+                _check(arguments, path, xacro)
+                if not _PARTS.search(whole) and any(map(_MACRO.search, _texts(path, xacro))):
+                    raise InputError(
+                        'a xacro of macros alone: it has no link',
+                        file=str(path),
+                        expected='the file that includes it and calls its macros',
+                    )
+                return whole.encode()
+        packages |= more
+
+
+def _unlinked(text: str, links: Mapping[str, Path], packages: Mapping[str, Path]) -> str:
+    """A text with the folders of packages in the place of their links."""
+    for name, link in links.items():
+        text = text.replace(str(link), str(packages[name]))
+    return text
+
+
+def _missing(path: Path, xacro: Any) -> list[str]:
+    """The packages that ROS does not find, of those that a file and its includes name."""
+    found = [name for text in _texts(path, xacro) for name in _PACKAGE.findall(text)]
+    return [name for name in dict.fromkeys(found) if not shares(name)]
 
 
 def _check(arguments: Mapping[str, str], path: Path, xacro: Any) -> None:
@@ -69,7 +102,7 @@ def _texts(path: Path, xacro: Any) -> list[str]:
     return [each.decode('utf-8', 'replace') for each in _contents(path, xacro).values()]
 
 
-def _encoded(path: Path, xacro: Any) -> InputError | None:
+def _encoded(path: Path, xacro: Any, shown: Callable[[str], str]) -> InputError | None:
     """The error of the first file that is not in UTF-8; None if all are."""
     for file, content in _contents(path, xacro).items():
         try:
@@ -77,28 +110,28 @@ def _encoded(path: Path, xacro: Any) -> InputError | None:
         except UnicodeDecodeError as error:
             return InputError(
                 'not in UTF-8, and xacro reads no other encoding',
-                file=file,
+                file=shown(file),
                 line=content.count(b'\n', 0, error.start) + 1,
                 expected='the same text in UTF-8, or expanded by hand as a URDF',
             )
     return None
 
 
-def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
-    said = f'{error or type(error).__name__}'
+def _refused(path: Path, xacro: Any, error: Exception, shown: Callable[[str], str]) -> InputError:
+    """The error of a file; `shown`: texts without links to packages."""
+    said = shown(f'{error or type(error).__name__}')
     if isinstance(error, ImportError) or any(each in said for each in _NOT_FOUND):
-        found = [name for text in _texts(path, xacro) for name in _PACKAGE.findall(text)]
-        missing = ', '.join(name for name in dict.fromkeys(found) if not shares(name))
         return InputError(
             'xacro cannot expand it: $(find ...) finds no package',
             file=str(path),
-            value=missing or None,
-            expected='a sourced ROS 2 that has the package, or `xacro FILE > OUT.urdf` there',
+            value=', '.join(_missing(path, xacro)) or None,
+            expected='a sourced ROS 2 that has the package, its folder around or beside the file, '
+            'or `xacro FILE > OUT.urdf` there',
         )
     cause = getattr(error, 'exc', None)
-    encoded = _encoded(path, xacro) if isinstance(cause or error, UnicodeError) else None
+    encoded = _encoded(path, xacro, shown) if isinstance(cause or error, UnicodeError) else None
     if encoded is not None:
         return encoded
     if isinstance(cause, OSError) and cause.filename:  # xacro says both, with the path in each
-        said = f'{cause.strerror}: {cause.filename}'
+        said = shown(f'{cause.strerror}: {cause.filename}')
     return InputError(f'xacro cannot expand it: {said}', file=str(path))

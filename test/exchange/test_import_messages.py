@@ -130,6 +130,13 @@ def test_packages_that_are_found_are_not_named(tmp_path: Path, monkeypatch) -> N
         imported(path)
 
 
+def test_macros_that_nothing_calls_are_told(tmp_path: Path) -> None:
+    pytest.importorskip('xacro')
+    text = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="arm"/></robot>'
+    with pytest.raises(InputError, match='macros alone: it has no link; expected the file that'):
+        imported(saved(tmp_path, 'it.urdf.xacro', text))
+
+
 def test_a_number_of_a_link_has_its_line(tmp_path: Path) -> None:
     """Not of a xacro, whose text is another one after its expansion."""
     source = robots.double_pendulum().replace('<mass value="1.0"/>\n', '<mass value="1.0"/>')
