@@ -287,7 +287,7 @@ def test_an_output_has_the_label_function(tmp_path):
         ('duration: 0.1', 'outputs:\n- energy\n- max(enrgy)', ':8: outputs.max_enrgy: no such'),
         ('duration: 0.1', 'outputs:\n  a: energy\n  b: {at: 11, of: energy}', ':8: outputs.b: '),
         ('vary: {L:', 'vary:\n  m: [1]\n  L: {unifrm: [1, 2]}\n#', ':6: vary.L: no such dist'),
-        ('{L:', '{initial.velocities.e:', ':4: vary.initial.velocities.e: no such part'),
+        ('{L:', '{initial.velocities.e:', ':4: vary.initial.velocities.e: wrong kind of value'),
         ('{L:', '{e.at.2:', ":4: vary.e.at.2: no such place in a list, got '2'; expected 0 to 1"),
     ],
 )
