@@ -178,6 +178,23 @@ def test_a_limit_on_the_transmission_angle() -> None:
     assert found.is_feasible
 
 
+def test_two_limits_of_one_number_are_told_apart() -> None:
+    label, places = 'min(transmission(A, B))', [[0.1, 0.2], [0.0, 0.2]]
+    limits = {
+        'least': {'of': label, 'between': [math.radians(40), None]},
+        'loose': {'of': label, 'between': [math.radians(10), None]},
+        'near': {'of': {'path': 'B', 'through': places}, 'between': [None, 9.0]},
+        'far': {'of': {'path': 'B', 'through': [[9, 9]]}, 'between': [10.0, None]},
+    }
+    found = optimise(
+        four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', subject_to=limits, duration=1.0
+    )
+    assert found.active == (f'{label} (least)',)
+    told = [line.partition(':')[0] for line in found.lines() if line.endswith(', at its limit')]
+    assert told == [f'{label} (least)']
+    assert 'path error of B (near)' in str(found) and 'path error of B (far)' in str(found)
+
+
 def test_the_shortest_time_under_a_limit_of_speed() -> None:
     """A block on a spring: x = 0.4 cos ω t, ω² = k / m. It is at x = 0.2 after π / 3 ω, and its
     greatest speed is 0.4 ω."""
