@@ -318,6 +318,10 @@ def test_a_name_that_cannot_be_followed(over: str, message: str) -> None:
 def test_refused() -> None:
     with pytest.raises(InputError, match='a: .*both sides'):
         equilibrium_path(load_scene('four_bar'), over='a', end=1e6)
+    spring = {'torsion_spring': {'joint': 'axle', 'stiffness': 7.0}}
+    held = {'mechanism': 'rack_and_pinion', 'effects': spring}
+    with pytest.raises(InputError, match=r'both sides \(the equations have another form there\)'):
+        equilibrium_path(load_scene(held), over='Q.at.0', end=-0.36)
     for start, end in ((0.0, 1e300), (0.0, 1e-300), (1e300, 0.1)):
         with pytest.raises(InputError, match='(start|end): not usable.*1e-60'):
             equilibrium_path(sprung('four_bar'), over='crank_pin.effort', start=start, end=end)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from alf_ros import Simulation, load_scene
+from alf_ros import Simulation, identify, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.state_trail import StateArrays
@@ -312,3 +313,15 @@ def test_no_slope_where_only_a_step_beyond_the_bounds_would_gain() -> None:
     value = np.array([-1.0, 1.0, 1.0])
     assert is_stalled(value, J, x, free)
     assert not is_stalled(value, J, x, positive)
+
+
+def test_a_body_that_needs_other_directions_on_the_way_is_refused() -> None:
+    """The points of the plate lie in a plane, and a direction across it is added. 6 mm above it
+    they do without: the starts of windows and their derivatives are in other coordinates there."""
+    name, of = 'mechanism.points.T<k>.at.2', load_scene('delta_robot')
+    machine = Machine(changed(of, {name: -0.38}), ['motor0', 'motor1', 'motor2'], 0.3)
+    with pytest.raises(InputError, match='beside this value the equations have another form'):
+        identify(of, machine.recording(1e-5), [name], window=0.3)
+    channels = machine.recording().channels
+    with pytest.raises(InputError, match='a body has other directions there .*: plate_z'):
+        WindowRuns(of, [name], channels, False).simulation(np.array([-0.38]))

@@ -178,6 +178,41 @@ def test_a_limit_on_the_transmission_angle() -> None:
     assert found.is_feasible
 
 
+@pytest.mark.parametrize('beyond', [-1e-3, 1e-9, 1e-5])
+def test_a_transmission_angle_beside_its_fold(beyond: float) -> None:
+    """Between coupler and rocker the angle is π/2 + `beyond`, and the transmission angle folds:
+    (d² + a² - 2 a d cos θ) = b² + c² - 2 b c cos μ."""
+    a, b, c, d = 0.1, 0.3, 0.25, 0.3
+    angle = math.pi / 2.0 + beyond
+    square = b**2 + c**2 - 2.0 * b * c * math.cos(angle)
+    theta = math.acos((a**2 + d**2 - square) / (2.0 * a * d))
+    end = (theta - math.pi / 3.0) / (2.0 * math.pi)
+    numbers = design_numbers(load_scene(four_bar()), {'d': [0.1, 0.5]})
+    motion = DrivenDesign(numbers, numbers.before, end, end / 8)
+    goal = design_goal('final(transmission(A, B))', 'minimise', motion.samples[0], end)
+    slope = (d - a * math.cos(theta)) / (b * c * math.sin(angle))
+    found = goal.of(motion)
+    assert found.value == pytest.approx(math.pi / 2.0 - abs(beyond), abs=1e-12)
+    assert found.gradient[0] == pytest.approx(-math.copysign(slope, beyond), rel=1e-8)
+
+
+def test_two_limits_of_one_number_are_told_apart() -> None:
+    label, places = 'min(transmission(A, B))', [[0.1, 0.2], [0.0, 0.2]]
+    limits = {
+        'least': {'of': label, 'between': [math.radians(40), None]},
+        'loose': {'of': label, 'between': [math.radians(10), None]},
+        'near': {'of': {'path': 'B', 'through': places}, 'between': [None, 9.0]},
+        'far': {'of': {'path': 'B', 'through': [[9, 9]]}, 'between': [10.0, None]},
+    }
+    found = optimise(
+        four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', subject_to=limits, duration=1.0
+    )
+    assert found.active == (f'{label} (least)',)
+    told = [line.partition(':')[0] for line in found.lines() if line.endswith(', at its limit')]
+    assert told == [f'{label} (least)']
+    assert 'path error of B (near)' in str(found) and 'path error of B (far)' in str(found)
+
+
 def test_the_shortest_time_under_a_limit_of_speed() -> None:
     """A block on a spring: x = 0.4 cos ω t, ω² = k / m. It is at x = 0.2 after π / 3 ω, and its
     greatest speed is 0.4 ω."""

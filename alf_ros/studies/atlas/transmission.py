@@ -37,13 +37,31 @@ class Bar:
     def angle(self, model: Model, q: Floats, v: Floats) -> float:
         """The transmission angle (rad, 0 to π/2) at q (blocks D, m), moving along v (blocks D);
         NaN where it is not defined."""
+        return angle_of(self.along_and_across(model, q, v))
+
+    def along_and_across(self, model: Model, q: Floats, v: Floats) -> Floats:
+        """(D,) e · v / |v|, and the component of v / |v| across e, in space its three (4,). They
+        are smooth where the angle has a kink, at 0 and at π/2. NaN where it is not defined."""
         D, of = model.layout.dimension, model.layout.of_point
         places, rates = q.reshape(-1, D), v.reshape(-1, D)
         e, speed = places[of[self.last]] - places[of[self.first]], rates[of[self.last]]
         size = float(np.linalg.norm(speed) * np.linalg.norm(e))
         if size <= _STILL * np.abs(v).max() * float(np.linalg.norm(e)):
-            return math.nan
-        return math.asin(min(1.0, abs(float(e @ speed)) / size))
+            return np.full(2 if D == 2 else 4, math.nan)
+        across = [e[0] * speed[1] - e[1] * speed[0]] if D == 2 else np.cross(e, speed)
+        return np.array([float(e @ speed), *across]) / size
+
+
+def angle_of(parts: Floats) -> float:
+    """The transmission angle (rad) of `Bar.along_and_across`."""
+    return math.atan2(abs(parts[0]), float(np.linalg.norm(parts[1:])))
+
+
+def slope_of(parts: Floats) -> Floats:
+    """The derivative of the angle by these parts; zero by one that is zero, at a kink."""
+    across = float(np.linalg.norm(parts[1:]))
+    along = -abs(parts[0]) * parts[1:] / (across or 1.0)
+    return np.array([across * np.sign(parts[0]), *along])
 
 
 def bar_between(mechanism: Mechanism, names: object) -> Bar:

@@ -1,4 +1,4 @@
-"""Forces that change at a known time: without any, a recording cannot tell a delay.
+"""Forces and motions at a known time: without one a recording cannot tell a delay.
 
 The windows of a fit begin at any place of a motion. If nothing depends on time, a motion that is
 late is as good a motion, and only the errors of reading between two steps would tell them apart.

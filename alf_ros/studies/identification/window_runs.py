@@ -112,10 +112,19 @@ class WindowRuns:
             last = self._known[kind][1][0] if kind in self._known else self.reference
             with argument_of('fit', 'tangents'), form_of(self.reference.model.layout.asked):
                 made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
+            self._check_coordinates(made, key)
             self._known[kind] = key, [made]
         crew = self._known[kind][1]
         crew += [copy(crew[0]) for _ in range(count - len(crew))]
         return crew[:count]
+
+    def _check_coordinates(self, made: Simulation, values: tuple[float, ...]) -> None:
+        """Raise InputError if a scene has other vectors than the given one: starts and derivatives
+        of windows are in its coordinates."""
+        there, own = ({*each.model.layout.of_vector} for each in (made, self.reference))
+        if there != own:
+            text = f'a body has other directions there than in the scene: {min(there ^ own)}'
+            raise InputError(text, key=f'fit {", ".join(self.names)}', value=values)
 
     def misfits_at(
         self, values: Floats, starts: Sequence[WindowStart], delay: float, directions: int

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from alf_ros.errors import InputError, StepError
 from alf_ros.simulation.named_number import CALL, named_number, number_of
 from alf_ros.simulation.named_quantity import NamedQuantity, slope_along
 from alf_ros.simulation.sample import Sample
-from alf_ros.studies.atlas.transmission import bar_between
+from alf_ros.studies.atlas.transmission import angle_of, bar_between, slope_of
 from alf_ros.studies.optimisation.instants import DesignMotion
 
 _TRANSMISSION = 'transmission'
@@ -25,14 +26,17 @@ _TRANSMISSION = 'transmission'
 
 @dataclass(frozen=True, eq=False)
 class DesignQuantity:
-    """`text` as it was given, its unit, and how it is read: the components (components,), of which
-    the magnitude is taken if it `is_size`. turns: whether they are angles, which count turns.
-    named: the quantity, if it has a name."""
+    """`text` as it was given, its unit, and how it is read: the components (components,).
+
+    value: the number of these components; slope: its derivatives by them (components,). So the
+    components are smooth where the number has a kink. turns: whether they are angles, which count
+    turns. named: the quantity, if it has a name."""
 
     text: str
     unit: str
     read: Callable[[Sample], Floats]
-    is_size: bool
+    value: Callable[[Floats], float]
+    slope: Callable[[Floats], Floats]
     turns: bool
     named: NamedQuantity | None
 
@@ -43,10 +47,6 @@ class DesignQuantity:
             if not np.isfinite(value):
                 raise StepError(f'{self.text} has no value', 'as in a singular position', sample.t)
         return found
-
-    def value(self, components: Floats) -> float:
-        """The number of its components."""
-        return number_of(components, self.is_size)
 
     def slopes(self, motion: DesignMotion, which: Sequence[int], size: float) -> Floats:
         """(which, P) its derivatives at samples of a motion by the numbers of the design.
@@ -59,8 +59,7 @@ class DesignQuantity:
         sample, (dq, dqd) = motion.samples[n], motion.tangent(n)
         if self.named is not None:
             self.named.check_unique(sample)
-        here = self.read(sample)
-        along = here / np.linalg.norm(here) if self.is_size and here.any() else np.ones(here.size)
+        along = self.slope(self.read(sample))
         return np.array(
             [
                 along @ slope_along(self.read, self.turns, sample, *each, self.text, size)
@@ -79,7 +78,15 @@ def design_quantity(given: Any, key: str, sample: Sample) -> DesignQuantity:
         return _transmission(given.strip(), called[2], key, sample)
     number = named_number(given, key, sample, (_TRANSMISSION,))
     of = number.quantity
-    return DesignQuantity(number.text, number.unit, of.read, number.is_size, of.turns, of)
+    value = partial(number_of, is_size=number.is_size)
+    slope = _direction if number.is_size else np.ones_like
+    return DesignQuantity(number.text, number.unit, of.read, value, slope, of.turns, of)
+
+
+def _direction(components: Floats) -> Floats:
+    """The derivative of their magnitude."""
+    size = np.linalg.norm(components)
+    return components / size if size > 0.0 else np.ones_like(components)
 
 
 def _transmission(text: str, inner: str, key: str, sample: Sample) -> DesignQuantity:
@@ -90,6 +97,6 @@ def _transmission(text: str, inner: str, key: str, sample: Sample) -> DesignQuan
 
     def read(sample: Sample) -> Floats:
         state = sample.state
-        return np.array([bar.angle(sample.model, state.q, state.qd)])
+        return bar.along_and_across(sample.model, state.q, state.qd)
 
-    return DesignQuantity(text, 'rad', read, False, False, None)
+    return DesignQuantity(text, 'rad', read, angle_of, slope_of, False, None)

@@ -132,5 +132,8 @@ def limits_of(given: Any, sample: Sample, duration: float) -> list[DesignLimit]:
         for word in data:
             if word not in ('of', 'between'):
                 raise InputError('unknown key', key=key, value=word, choices=('of', 'between'))
-        found.append(design_limit(data.get('of'), data.get('between'), key, sample, duration))
+        limit = design_limit(data.get('of'), data.get('between'), key, sample, duration)
+        # two limits may be of numbers of one text, such as of two paths of one point
+        goal = replace(limit.goal, text=f'{limit.goal.text} ({name})')
+        found.append(replace(limit, goal=goal))
     return found

@@ -192,16 +192,18 @@ class VariedScene:
         Central differences of second order: the direction of a path and Newton's method need no
         more. Where the scene is refused on one side, differences to the other side.
         """
-        found, h = [], _STEP * size
+        found, reason, h = [], '', _STEP * size
         for change in (h, -h, 0.0):
             try:
                 found.append((change, self._residual(instant, lam, value + change)))
-            except InputError:
+            except InputError as error:
+                reason = reason or error.message
                 continue  # the scene is refused beside its last value
             if len(found) == _TWO:
                 break
         if len(found) < _TWO:
-            raise InputError('the scene is refused on both sides', key=self.over, value=value)
+            text = f'the scene is refused on both sides ({reason})'
+            raise InputError(text, key=self.over, value=value)
         (more, ahead), (less, behind) = found
         force, gap, still = ((x - y) / (more - less) for x, y in zip(ahead, behind, strict=True))
         n = instant.model.n
