@@ -136,3 +136,19 @@ def test_in_lanes_too(integrator: str) -> None:
             assert bits(one.state) == bits(other.state)
             one.restore(one.state)
             assert bits(one.state) == bits(other.state)
+
+
+@pytest.mark.parametrize('integrator', INTEGRATORS)
+def test_any_number_of_steps_in_a_call(integrator: str) -> None:
+    """Corners at points of the grid where the step before, and one more, is rounded elsewhere."""
+    corners = [k * 0.01 for k in range(1, 40) if (k - 1) * 0.01 + 0.01 != k * 0.01]
+    assert len(corners) > 3
+    for corner in corners:
+        angle = f'3*t + 20*abs(t - {corner})*(t - {corner}) + 20*{corner}*{corner}'
+        scene = driven_arm(angle, {}, integrator=integrator)
+        single, many = Simulation(scene), Simulation(scene)
+        for _ in range(8):
+            many.step(5)
+            for _ in range(5):
+                single.step(1)
+            assert bits(single.state) == bits(many.state), (corner, many.t)
