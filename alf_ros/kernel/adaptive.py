@@ -17,7 +17,7 @@ from alf_ros.kernel.crossed_kinks import next_aim, passed, shorter
 from alf_ros.kernel.data import Bearings, Method, Phase, Problem, Span, System, Work
 from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.interpolated_stages import linearise_aside
-from alf_ros.kernel.kinks_over_time import until_kink
+from alf_ros.kernel.kinks_over_time import end_of_drives, until_kink
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy
@@ -163,11 +163,13 @@ def advance_adaptively(
                 longest = min(longest, TURN / turning(unit, system.arms, phase))
             parts = parts_of(left, longest)
             dt = left / parts
-            to = min(end if parts == 1.0 and aim == h else begin + dt, latest)
+            whole = parts == 1.0 and aim == h
+            to = min(end if whole else begin + dt, latest)
+            there = end_of_drives(to, end, whole)
             if not begun:
                 work.sides[0] = np.nan
             work.sides[1] = 0.0
-            result, count = step(problem, phase, (begin, to, dt), sigma, begun)
+            result, count = step(problem, phase, (begin, to, dt, there), sigma, begun)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED

@@ -76,22 +76,29 @@ def excursion(system: System, switches: DriveSwitches, low: float, high: float) 
 
 @compiled
 def first_switch(
-    system: System, switches: DriveSwitches, t: float, h: float, count: int
+    system: System, switches: DriveSwitches, t0: float, first: int, count: int, h: float
 ) -> np.int64:
-    """In which of `count` steps of h (s) from t (s) on a branch becomes another than `here`;
-    `count` if none does."""
+    """In which of `count` steps of h (s) from t0 + first h (s) on a branch becomes another than
+    `here`; `count` if none does.
+
+    Their ends are rounded as the ones of all steps: each has the same corners, whichever step is
+    the first.
+    """
+    t = t0 + first * h
     compare_at(system, switches, t, switches.before, switches.rate_before)
     for n in range(count):
-        branches_at(system, switches, t + (n + 1) * h, switches.there)
+        end = t0 + (first + n + 1) * h
+        branches_at(system, switches, end, switches.there)
         turns = False
         for k in range(switches.there.size):
             if switches.there[k] != switches.here[k]:
                 return np.int64(n)
             turns |= _may_turn(switches, k, h)
         if turns:
-            found = excursion(system, switches, t + n * h, t + (n + 1) * h)
+            found = excursion(system, switches, t, end)
             if found == found:
                 return np.int64(n)
         copy(switches.value, switches.before)
         copy(switches.rate, switches.rate_before)
+        t = end
     return np.int64(count)

@@ -12,7 +12,7 @@ from alf_ros.kernel.companion import (
 from alf_ros.kernel.crossed_kinks import CROSSINGS, next_aim, passed, shorter
 from alf_ros.kernel.data import Phase, Problem, Span
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
-from alf_ros.kernel.kinks_over_time import just_behind, piece_to_kink
+from alf_ros.kernel.kinks_over_time import end_of_drives, just_behind, piece_to_kink
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
@@ -59,7 +59,7 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
         while True:
             begin, to, aim = piece_to_kink(kinks.instants, t, end, h, done, aim)
             dt = aim - done
-            piece = just_behind(begin, to), to, dt
+            piece = just_behind(begin, to), to, dt, end_of_drives(to, end, aim == h)
             result, count = step(problem, phase, piece, sigma, begun)
             most = max(most, count)
             if told_to_stop(work):

@@ -42,7 +42,12 @@ from alf_ros.kernel.interpolated_stages import (
     evaluate_uninterpolated,
     linearise_aside,
 )
-from alf_ros.kernel.kinks_over_time import just_behind, stage_time, until_kink
+from alf_ros.kernel.kinks_over_time import (
+    end_of_drives,
+    just_behind,
+    stage_time,
+    until_kink,
+)
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, note_det, rank_lost
 from alf_ros.kernel.mass import add_mass_times
@@ -170,10 +175,10 @@ def _solve_stage(
 
 @expanded
 def _step(
-    problem: Problem, phase: Phase, t: float, end: float, h: float, within: bool
+    problem: Problem, phase: Phase, interval: tuple[float, float, float, float], within: bool
 ) -> tuple[int, int]:
-    """One step of h (s) from `phase`, at t to `end`; `within` as of `advance`, result as of
-    `step.step`."""
+    """One step from `phase`; `within` as of `advance`, interval and result as of `step.step`."""
+    t, end, h, there = interval
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
     n = work.p.size
@@ -245,11 +250,11 @@ def _step(
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
     add_soft_times(unit, system.soft, 1.0, work.qd, work.p)  # (30) with M̂
-    prescribe(system, end, work.q, work.qd, work.qdd)
+    prescribe(system, there, work.q, work.qd, work.qdd)
     work.nearest[0] = 0.0 if suspect else np.inf
     if suspect:
         work.crossing[2] = max(work.crossing[2], h * largest(qd, n))
-    result, count = end_step(problem, phase, end, near, suspect, scales)
+    result, count = end_step(problem, phase, there, near, suspect, scales)
     return result, max(most, count)
 
 
@@ -323,10 +328,12 @@ def advance_implicitly(
                     left, aim = ahead, done + ahead
             parts = max(1.0, np.ceil(0.999999 * left / length))  # no crumb at the grid point
             dt = left / parts
-            to = min(end if parts == 1.0 and aim == h else begin + dt, latest)
+            whole = parts == 1.0 and aim == h
+            to = min(end if whole else begin + dt, latest)
+            there = end_of_drives(to, end, whole)
             if not adaptive:
                 begin = just_behind(begin, to)
-            result, count = _step(problem, phase, begin, to, dt, here)
+            result, count = _step(problem, phase, (begin, to, dt, there), here)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED

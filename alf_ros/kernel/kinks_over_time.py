@@ -15,9 +15,9 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, inlined, inner
 
-SAME = 1e-12  # of the step of the grid, and …
-ROUNDED = 4e-15  # … of t: an instant that near to a time is that time
-BEFORE = 1.0 - 4e-16  # times an instant: just before it
+_SAME = 1e-12  # of the step of the grid, and …
+_ROUNDED = 4e-15  # … of t: an instant that near to a time is that time
+_BEFORE = 1.0 - 4e-16  # times an instant: just before it
 _ROUNDING = 1e-15  # of t: how far stages are within a fixed step, and …
 _PART = 0.01  # … of the step, at most
 
@@ -32,6 +32,17 @@ def just_behind(t: Any, end: Any) -> Any:
 def stage_time(t: Any, end: Any, h: Any, c: float) -> Any:
     """The time (s) of the stage c of a step of h (s) from t to `end`: before its end."""
     return min(t + c * h, end - min(_ROUNDING * abs(end), _PART * (end - t)))
+
+
+@inlined
+def end_of_drives(to: Any, end: Any, whole: Any) -> Any:
+    """The time (s) of the drives where a step to `to` (s) ends: at a point of the grid (`whole`)
+    the one of the grid, `end` (s), with a kink beside it or not.
+
+    A state there is known by its number of steps. Which kinks the step had is not, as inputs are
+    replaced.
+    """
+    return end if whole else to
 
 
 @inner
@@ -54,13 +65,13 @@ def piece_to_kink(
 def until_kink(instants: Floats, t: float, left: float, h: float) -> tuple[float, float, float]:
     """How long (s) a step from t (s) may be, at most `left` (s), and the times (s) before and
     behind which it has no stages; h: the step of the grid."""
-    near = SAME * h + ROUNDED * abs(t)
+    near = _SAME * h + _ROUNDED * abs(t)
     n = _first_behind(instants, t + near)
     earliest, latest = -np.inf, np.inf
     if n > ZERO:
         earliest = instants[n - ONE]
     if n < instants.size and instants[n] <= t + left + near:
-        latest = instants[n] * BEFORE
+        latest = instants[n] * _BEFORE
         if instants[n] < t + left - near:
             left = instants[n] - t
     return left, earliest, latest

@@ -214,18 +214,18 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
 def step(
     problem: Problem,
     phase: Phase,
-    interval: tuple[float, float, float],
+    interval: tuple[float, float, float, float],
     sigma: float,
     begun: bool,
 ) -> tuple[int, int]:
     """One step from q, q̇ of `phase`, whose Φ_q and factor stand in `work`.
 
-    `interval`: begin, end and length, s. `begun`: stage 0 stands in `work`, of a step that was too
-    long; Φ_q and factor need not then. `sigma`: 0 in a singular position that solves may not show,
-    else infinite. Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns (result, most
-    iterations).
+    `interval`: begin, end and length, s, and the time of the drives where the step ends.
+    `begun`: stage 0 stands in `work`, of a step that was too long; Φ_q and factor need not then.
+    `sigma`: 0 in a singular position that solves may not show, else infinite. Leaves the new q, q̇
+    in `work`, with Φ_q and factor. Returns (result, most iterations).
     """
-    t, end, h = interval
+    t, end, h, there = interval
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
     stages = method.b.size
@@ -248,7 +248,7 @@ def step(
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)
-        ts = stage_time(t, end, h, method.c[s]) if s < stages else end
+        ts = stage_time(t, end, h, method.c[s]) if s < stages else there
         prescribe(system, ts, work.q, work.qd, work.qdd)
         unfold(unit, system, work, phase)  # (30)
         if s == stages:
@@ -278,11 +278,11 @@ def step(
             copy(work.qdd, work.chart.first)
         fold(unit, system, work, work.qd, work.qdd, s)  # (35)
         tell(problem, phase, STAGE, s, ts, x)
-    tell(problem, phase, ADDED_UP, stages, ts, x)
+    tell(problem, phase, ADDED_UP, stages, end, x)
     work.nearest[0] = nearest
     if nearest < NEAR:
         work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))
-    result, count = end_step(problem, phase, end, x < np.inf, nearest < np.inf, scales)
+    result, count = end_step(problem, phase, there, x < np.inf, nearest < np.inf, scales)
     return result, max(most, count)
 
 

@@ -46,11 +46,11 @@ class DriveBranches:
         """The branches at t (s) are the ones from which others differ."""
         self._at(t, self._switches.here)
 
-    def same(self, t: float, n: int, h: float) -> int:
-        """In how many of n steps of h (s) from t (s) on, from the first one, the branches stay."""
+    def same(self, start: float, first: int, n: int, h: float) -> int:
+        """In how many of n steps of h (s) from `start` + first h (s) on the branches stay."""
         from alf_ros.kernel.first_switch import first_switch
 
-        return int(first_switch(self._system, self._switches, t, h, n))
+        return int(first_switch(self._system, self._switches, start, first, n, h))
 
     def rates(self, t: float) -> Floats:
         """(blocks D,) the rates of the drives at t (s)."""
@@ -89,7 +89,7 @@ class DriveBranches:
         found, done = list[float](), 0
         self.begin(start)
         while done < n:
-            done += self.same(start + done * h, n - done, h)
+            done += self.same(start, done, n - done, h)
             if done < n:
                 each = self.between(start + done * h, start + (done + 1) * h)
                 found += [end for _, end in each]

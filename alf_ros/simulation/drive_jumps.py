@@ -63,7 +63,7 @@ class DriveJumps:
         done, branches, corners = 0, self._branches, list[float]()
         branches.begin(start + first * h)
         while done < n:
-            done += branches.same(start + (first + done) * h, n - done, h)
+            done += branches.same(start, first + done, n - done, h)
             if done == n:
                 break
             found, jump = self._between(start + (first + done) * h, start + (first + done + 1) * h)
@@ -74,7 +74,7 @@ class DriveJumps:
         # whatever the steps of one call, each knows the same corners
         end = start + (first + n) * h
         near = _NEAR * h + _ROUNDED * abs(end)
-        if not branches.same(end, 1, near):
+        if not branches.same(end, 0, 1, near):
             corners += [corner for _, corner in branches.between(end, end + near)]
         return Ahead(n, corners)
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Phase
-from alf_ros.kernel.kinks_over_time import BEFORE, ROUNDED, SAME
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.simulation.applied import Applied
@@ -46,8 +45,7 @@ class Present:
         state = replace(state, sums=sums_of(model, state))
         phase = _phase(state, accounts, applied.load_count, within)
         # a state may come from a log, which holds what moves freely
-        t = _end_of_step(applied, state.step, h) if state.step else 0.0
-        prescribe(model.system, t, phase.q, phase.qd, np.zeros_like(phase.q))
+        prescribe(model.system, state.step * h, phase.q, phase.qd, np.zeros_like(phase.q))
         return cls(phase, state.carried.copy(), applied, accounts, state.step, h)
 
     def aside(self, state: State, within: Floats) -> Present:
@@ -77,17 +75,6 @@ class Present:
             of.sums.copy(),
             self.h,
         )
-
-
-def _end_of_step(applied: Applied, step: int, h: float) -> float:
-    """The time (s) of which a step of h (s) that has led here leaves the prescribed blocks: just
-    before a kink over time that is here, as `kernel.kinks_over_time` has it."""
-    t, instants = step * h, applied.instants
-    near = SAME * h + ROUNDED * abs(t)
-    n = int(np.searchsorted(instants, t - near))
-    if n == instants.size or instants[n] > t + near:
-        return t
-    return min(t, float(instants[n]) * BEFORE)
 
 
 def _phase(state: State, accounts: tuple[str, ...], loads: int, within: Floats) -> Phase:

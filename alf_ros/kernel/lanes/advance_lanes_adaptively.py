@@ -118,8 +118,9 @@ def _advance(
         longest = pick(begun, pace, min(pace, TURN / turning(unit, system.arms, phase)))
         parts = parts_of(left, longest)
         dt, whole = left / parts, parts == 1.0
-        end = pick(whole & to_grid, (index + 1.0) * h, t + dt)
-        span = LaneSpan(t, min(end, progress.end[0]), dt)
+        grid = (index + 1.0) * h
+        end = min(pick(whole & to_grid, grid, t + dt), progress.end[0])
+        span = LaneSpan(t, end, dt, pick(whole & to_grid, grid, end))
         # also if it is not known whether the position is a singular one
         good = live & (phase.within[0] <= 0.0) & are_factored(unit, work) & (tried <= MOST)
         fine = coarse = done

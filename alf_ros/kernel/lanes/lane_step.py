@@ -37,11 +37,13 @@ Mask = Any
 
 
 class LaneSpan(NamedTuple):
-    """A step of h (s) from `begin` to `end` (s), of each lane."""
+    """A step of h (s) from `begin` to `end` (s), of each lane; `there`: the time (s) of the drives
+    where it ends."""
 
     begin: Lanes
     end: Lanes
     h: Lanes
+    there: Lanes
 
 
 @inner
@@ -61,7 +63,7 @@ def lane_step(
     the most iterations of each. The others are as they were.
     """
     work, begin, end = problem.work, progress.begin[0], progress.end[0]
-    span = LaneSpan(just_behind(begin, end), end, h)
+    span = LaneSpan(just_behind(begin, end), end, h, (progress.index[0] + 1.0) * h)
     progress.t[0] = span.begin
     copy(phase.qd, work.qd)
     lane_drives(problem, of, crew, progress)
@@ -132,7 +134,7 @@ def stages_of(
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     for s in range(ZERO, stages + ONE):
         add_up(method, work, s, h)
-        t[0] = stage_time(span.begin, span.end, h, method.c[s]) if s < stages else span.end
+        t[0] = stage_time(span.begin, span.end, h, method.c[s]) if s < stages else span.there
         lane_drives(problem, of, crew, progress)
         unfold(unit, system, work, phase)  # (30)
         if s == stages or nowhere(good):
