@@ -204,6 +204,29 @@ def test_delay_and_quantised_encoders() -> None:
         assert channel.after == pytest.approx(quantum / np.sqrt(12.0), rel=0.15)
 
 
+def test_a_window_that_only_just_passes_a_dead_point_is_found() -> None:
+    """The crank comes to 0.7 rad/s beside an upright rest, after 20 rad/s: a window that begins a
+    little slower turns back there, and no start near its own brings it over."""
+    spring = {'between': ['B', 'ground'], 'at': [None, [0.3, 0.6]], 'free_length': 0.2}
+    of = load_scene(
+        {
+            'mechanism': 'four_bar',
+            'effects': {
+                'gravity': {'acceleration': [0, -9.81]},
+                'spring': {'bal': {**spring, 'stiffness': 2}},
+                'joint_friction': {'pin': {'joint': 'crank_pin', 'viscous': 1e-3}},
+            },
+            'initial': {'velocities': {'A': ['-20*a*sin(theta)', '20*a*cos(theta)']}},
+            'solver': {'step': 2e-3, 'integrator': 'rk4'},
+        }
+    )
+    moved = Machine(changed(of, {'bal.stiffness': 2.01}), ('crank_pin',), 1.2)
+    found = identify(of, moved.recording(1e-4), ['bal.stiffness'], window=0.6)
+    assert found.settled
+    assert abs(found.values[0] - 2.01) < 4.0 * found.deviations[0] < 4e-3
+    assert found.channels[0].after == pytest.approx(1e-4, rel=0.2)
+
+
 def test_a_delay_needs_what_acts_at_a_known_time() -> None:
     moved, pushed = machine().recording(), pushes('crank_pin', 8.0, 2.0)
     held = [replace(pushed[0], t=t) for t in (0.0, 0.5, 1.0)]  # the same effort again and again

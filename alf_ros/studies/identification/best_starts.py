@@ -10,9 +10,11 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, StoppedError
 from alf_ros.studies.identification.gauss_newton import best_gain, best_step
 from alf_ros.studies.identification.weighed_windows import WeighedWindows
-from alf_ros.studies.identification.window_runs import WindowStart
+from alf_ros.studies.identification.window import Window
+from alf_ros.studies.identification.window_runs import Misfit, WindowStart
 
 _MOST = 60  # steps
+_LOST = 0.1  # of its motion
 _SHORTENED = 8  # times that a step is made shorter
 
 
@@ -106,3 +108,12 @@ def nearer_starts(windows: WeighedWindows, shared: Floats, free: Sequence[Floats
     for (window, own), misfit in zip(starts, windows.by_starts(starts, shared), strict=True):
         found.append(own + best_step(*windows.rooted(window, own, misfit)))
     return found
+
+
+def is_lost(window: Window, misfit: Misfit) -> bool:
+    """Whether a run has left what was measured: a joint is off by a good part of its motion."""
+    for part in window.measured:
+        off = misfit.residuals[misfit.channel == part.channel]
+        if np.sqrt(np.mean(off * off)) > _LOST * np.ptp(part.values):
+            return True
+    return False

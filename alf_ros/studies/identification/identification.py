@@ -17,6 +17,8 @@ from alf_ros.simulation.input_checks import by_name, choice, number, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
 from alf_ros.studies.identification.best_starts import (
     best_starts,
+    costs,
+    is_lost,
     nearer_starts,
     surest_starts,
 )
@@ -53,6 +55,7 @@ from alf_ros.studies.identification.window import Window, begin_of, cut, with_ma
 from alf_ros.studies.identification.window_residuals import WindowResiduals
 from alf_ros.studies.identification.window_runs import WindowRuns
 
+_GROWN = 0.25, 0.5, 1.0  # of a window that is lost
 _ROUNDS = 6  # fits, each with the noise that the one before has found
 _STEADY = 0.02  # relative change of the noise that needs no other round
 _BEGIN = 0.2  # of a window, from which its start is found then
@@ -284,8 +287,33 @@ class _Work:
     ) -> tuple[Floats, ...]:
         """The best starts of windows with shared numbers that stay."""
         if self._loss == 'linear':
-            return best_starts(fit, shared, free, tolerance)
-        return surest_starts(fit, self._fit(fit.windows, 'linear'), shared, free, tolerance)
+            found = best_starts(fit, shared, free, tolerance)
+        else:
+            found = surest_starts(fit, self._fit(fit.windows, 'linear'), shared, free, tolerance)
+        each = zip(fit.windows, fit.plain(found, shared), strict=True)
+        lost = [n for n, (window, misfit) in enumerate(each) if is_lost(window, misfit)]
+        return self._grown(fit, lost, shared, free, found, tolerance) if lost else found
+
+    def _grown(
+        self,
+        fit: WeighedWindows,
+        lost: Sequence[int],
+        shared: Floats,
+        free: Sequence[Floats],
+        found: Sequence[Floats],
+        tolerance: float,
+    ) -> tuple[Floats, ...]:
+        """`found`, but the starts of lost windows by longer and longer parts of them where these
+        fit better: a run that is a little slow before a dead point turns back there."""
+        grown = [free[n] for n in lost]
+        for part in _GROWN:
+            parts = [begin_of(fit.windows[n], part, self._runs.h) for n in lost]
+            grown = list(best_starts(self._fit(parts), shared, grown, tolerance))
+        whole = self._fit([fit.windows[n] for n in lost])
+        ways = ([found[n] for n in lost], grown)
+        before, after = (costs(whole, whole.begun(starts), shared) for starts in ways)
+        better = {n: x for n, x, a, b in zip(lost, grown, before, after, strict=True) if b < a}
+        return tuple(better.get(n, x) for n, x in enumerate(found))
 
     def _relevel(self, residuals: WindowResiduals, free: Sequence[Floats], numbers: int) -> None:
         whole, of = residuals.joined
