@@ -14,7 +14,7 @@ from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import Misfit, WindowStart
 
 _MOST = 60  # steps
-_LOST = 0.1  # of its motion
+_LOST, _NOISY = 0.1, 30.0  # parts of the motion of a joint; times its noise
 _SHORTENED = 8  # times that a step is made shorter
 
 
@@ -110,10 +110,17 @@ def nearer_starts(windows: WeighedWindows, shared: Floats, free: Sequence[Floats
     return found
 
 
-def is_lost(window: Window, misfit: Misfit) -> bool:
-    """Whether a run has left what was measured: a joint is off by a good part of its motion."""
+def is_lost(windows: WeighedWindows, window: Window, misfit: Misfit) -> bool:
+    """Whether a run has left the recording: a joint is off by a good part of its motion there, and
+    by far more than its noise."""
+    scaled, _ = windows.scaled(misfit)
     for part in window.measured:
-        off = misfit.residuals[misfit.channel == part.channel]
-        if np.sqrt(np.mean(off * off)) > _LOST * np.ptp(part.values):
-            return True
+        own = misfit.channel == part.channel
+        if own.any() and _rms(misfit.residuals[own]) > _LOST * np.ptp(part.values):
+            if _rms(scaled[own]) > _NOISY:
+                return True
     return False
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values * values)))

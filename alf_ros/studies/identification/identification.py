@@ -291,7 +291,7 @@ class _Work:
         else:
             found = surest_starts(fit, self._fit(fit.windows, 'linear'), shared, free, tolerance)
         each = zip(fit.windows, fit.plain(found, shared), strict=True)
-        lost = [n for n, (window, misfit) in enumerate(each) if is_lost(window, misfit)]
+        lost = [n for n, (window, misfit) in enumerate(each) if is_lost(fit, window, misfit)]
         return self._grown(fit, lost, shared, free, found, tolerance) if lost else found
 
     def _grown(
