@@ -25,7 +25,7 @@ from alf_ros.ros.closing.closing_messages import WARN, joint_state
 from alf_ros.ros.messages.topics import BEST_EFFORT, RELIABLE
 from support.forked import ended, started
 from support.paths import ROOT
-from support.ros_node import LIMIT, SPEAKS, START_LIMIT, Peer, stacks
+from support.ros_node import LIMIT, SPEAKS, START_LIMIT, Peer, own_lines, stacks
 
 INPUT = '/active_joint_states'
 
@@ -216,7 +216,7 @@ def test_a_wrong_start_is_refused_in_one_line(
     environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
     done = ended(['-m', 'alf_ros', 'close', *arguments], tmp_path, environment, START_LIMIT)
     assert done.returncode == 2 and said in done.stderr, done
-    assert done.stderr.count('\n') == 1
+    assert len(own_lines(done.stderr)) == 1
 
 
 def test_messages_without_stamps_have_the_time_of_arrival(tmp_path: Path, peer: Peer) -> None:

@@ -47,6 +47,12 @@ def stacks(process: Process) -> str:
 SPEAKS = {'PYTHONFAULTHANDLER': '1'}
 
 
+def own_lines(stderr: str) -> list[str]:
+    """The lines that a process wrote, without those that Fast DDS adds on its own: it reports the
+    ports that a killed process has left locked."""
+    return [line for line in stderr.splitlines() if 'RTPS_' not in line]
+
+
 class SimulatorProcess:
     """`python -m alf_ros simulator` in a session of its own, logging below `folder`."""
 
