@@ -11,7 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
+from alf_ros import paths
+from alf_ros.errors import InputError
 from alf_ros.resources import shares
+from alf_ros.scene.text.yaml_document import LARGEST_FILE
 
 _VARIABLE = 'AMENT_PREFIX_PATH'
 _NAME = re.compile('[A-Za-z][A-Za-z0-9_-]*')
@@ -35,8 +38,9 @@ def nearby_package(name: str, file: Path) -> Path | None:
 def _name_in(folder: Path) -> str:
     """The name of a package by the package.xml in its folder; empty without one."""
     try:
-        found = ElementTree.parse(folder / 'package.xml').getroot().findtext('name')
-    except (OSError, ValueError, ElementTree.ParseError):
+        text = paths.content(folder / 'package.xml', LARGEST_FILE)
+        found = ElementTree.fromstring(text).findtext('name')
+    except (InputError, ElementTree.ParseError):
         return ''
     return (found or '').strip()
 

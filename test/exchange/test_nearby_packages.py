@@ -88,3 +88,14 @@ def test_a_package_that_ros_finds_is_not_searched(
     assert nearby_package('parts', file) is None
     for name in ('', '..', '../robot', '/robot'):
         assert nearby_package(name, file) is None
+
+
+def test_what_is_no_package_file_is_not_waited_for(tree: Path) -> None:
+    (tree / 'parts/package.xml').unlink()
+    os.mkfifo(tree / 'parts/package.xml')  # nobody writes into it
+    file = tree / 'robot/urdf/it.urdf.xacro'
+    assert nearby_package('parts', file) is None
+    for text in ('', '<package>', '<package/>', '<package><name>\xff</name></package>'):
+        (tree / 'robot/package.xml').write_text(text, 'latin-1')
+        assert nearby_package('robots', file) is None
+        assert nearby_package('robot', file) == tree / 'robot'

@@ -13,6 +13,7 @@ from alf_ros import InputError, Simulation, load_scene
 from alf_ros.effects import load
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import scene_from_text
+from support.effect_scenes import PENDULUM
 
 TABLE = '{joint: motor_shaft, angle: {table: [[0, -1.5708], [1, 0], [2, 1]]}}'
 
@@ -200,19 +201,6 @@ def test_an_input_from_outside_is_an_effect_or_none(name: str, said: str) -> Non
         assert overrides.number(named, name) == 0.5
 
 
-BARE = """
-mechanism:
-  alf: 1
-  points:
-    O: {at: [0, 0], fixed: true}
-    A: {at: [1, 0]}
-  bodies:
-    rod: {points: [O, A], mass: 1, inertia: rod}
-  joints:
-    pin: {type: revolute, between: [ground, rod], at: O}
-"""
-
-
 @pytest.mark.parametrize(
     ('name', 'value'),
     [
@@ -229,8 +217,8 @@ def test_a_section_that_the_scene_lacks_is_added(name: str, value: str) -> None:
     inner = value
     for part in reversed(rest):
         inner = f'{{{part}: {inner}}}'
-    written = scene_from_text(f'{BARE}{section}: {inner}\n')
-    changed = overrides.with_changes(scene_from_text(BARE), {name: value})
+    written = scene_from_text(f'{PENDULUM}{section}: {inner}\n')
+    changed = overrides.with_changes(scene_from_text(PENDULUM), {name: value})
     assert changed.text == written.text
 
 
@@ -246,7 +234,7 @@ def test_what_cannot_stand_there_is_refused_by_the_name_of_the_change(
     name: str, said: str
 ) -> None:
     with pytest.raises(InputError, match=f'^--set {name}: {said}'):
-        overrides.with_changes(scene_from_text(BARE), {name: '1'})
+        overrides.with_changes(scene_from_text(PENDULUM), {name: '1'})
 
 
 @pytest.mark.parametrize('name', ['sensors.imu.rate', 'diff_drive.wheel_radius'])
