@@ -49,6 +49,9 @@ def _name_in(folder: Path) -> str:
 def found_by_ament(packages: Mapping[str, Path]) -> Iterator[Mapping[str, Path]]:
     """Let ament find packages by name, each in its folder, until the end of the block. Yields
     where ament says they are, which is a link."""
+    if not packages:
+        yield {}
+        return
     with tempfile.TemporaryDirectory() as prefix:
         index = Path(prefix, 'share', 'ament_index', 'resource_index', 'packages')
         index.mkdir(parents=True)
