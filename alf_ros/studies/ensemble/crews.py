@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 from alf_ros.errors import AlfError
+from alf_ros.kernel.numba_ext.held_signals import held
 from alf_ros.studies.ensemble.chunk import Chunk, run_chunk
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.worker_process import COMMAND, receive, send
@@ -61,6 +62,9 @@ class Processes:
             for _ in range(min(self._count, len(numbers)))
         ]
         try:
+            with held():  # `start` of a thread does not bear an error of a handler
+                for foreman in foremen:
+                    foreman.start()
             for _ in numbers:
                 found = done.get()
                 if isinstance(found, BaseException):
@@ -87,7 +91,6 @@ class _Foreman(threading.Thread):
         self._work, self._waiting, self._done, self._deaths = work, waiting, done, deaths
         self._worker: subprocess.Popen[bytes] | None = None
         self._lock, self._dismissed = threading.Lock(), False
-        self.start()
 
     def run(self) -> None:
         """Until there is nothing to do."""
@@ -148,10 +151,11 @@ class _Foreman(threading.Thread):
         return worker.wait()
 
     def dismiss(self) -> None:
-        """End the worker, whatever it does."""
-        self._dismissed = True
-        worker = self._worker
-        if worker is not None:
-            worker.kill()
-        self.join()
+        """End the worker, whatever it does, or begin none."""
+        with self._lock:  # a worker that begins now is seen here; none begins later
+            self._dismissed = True
+            if self._worker is not None:
+                self._worker.kill()
+        if self.is_alive():  # not if a signal came before it was started
+            self.join()
         self._end()
