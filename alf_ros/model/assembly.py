@@ -302,8 +302,11 @@ def complete(
     if wrong.size and wrong.max() > tolerance * max(
         NOTHING, *(np.abs(each).max(initial=0.0) for each in speeds)
     ):
+        said = f'contradict each other: {_worst(names, wrong, "m/s")}'
+        if model.mechanism.drives and not rows:
+            raise AssemblyError(f'the rates of drives and constraints {said}', key='drives')
         raise AssemblyError(
-            f'the given velocities contradict each other: {_worst(names, wrong, "m/s")}',
+            f'the given velocities {said}',
             key='initial.velocities',
             expected=_fewer(model, len(rows)) if near is None else None,
         )

@@ -8,6 +8,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
+from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.prescribed import prescribe, without_value
 
 _PARTS, _HALVINGS = 64, 24  # of a step, for the search for the instant
@@ -48,6 +49,17 @@ def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str]
             f'drives go beyond the reach of the loops at t = {t + good:.6g} s: {said}',
             'take motions that the loops can follow',
         )
+    return _against_mesh(model, closed, t + h)
+
+
+def _against_mesh(model: Model, q: Floats, t: float) -> tuple[str, str] | None:
+    """Whether drives would slip teeth or couplings at t (s) and q, where their positions fit."""
+    if not integrals(model.layout):
+        return None
+    try:
+        assembly.complete(model, q, {}, t)
+    except AssemblyError as error:
+        return f'at t = {t:.6g} s {error.message}', 'take motions that gears and couplings permit'
     return None
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from alf_ros import InputError, Simulation
+from alf_ros import InputError, Simulation, StepError
 from alf_ros.arrays import Floats
 from alf_ros.exchange.export import exported, tree
 from alf_ros.inspection.soundness import examine
@@ -144,3 +144,22 @@ def test_one_of_two_angles_is_refused() -> None:
     ).replace('one: RATIO', 'one_first: 1')
     with pytest.raises(InputError, match="'one_first' is one of two angles: neither"):
         scene_from_text(text)
+
+
+@pytest.mark.parametrize(
+    ('slide', 'error', 'told'),
+    [
+        # x = 0.15 θ would be a motion
+        ('0.3*t', InputError, 'drives: the rates of drives and constraints contradict'),
+        ('0.15*t + 0.01*t**3', StepError, 'at t = 0.01 s the rates of drives and constraints'),
+    ],
+)
+def test_drives_that_it_does_not_permit(slide: str, error: type[Exception], told: str) -> None:
+    """They and the coupling are named, at the start and later."""
+    push = f'{{joint: rail, length: {slide}}}'
+    drives = f'drives: {{turn: {{joint: pin, angle: t}}, push: {push}}}\n'
+    scene = scene_from_text(CAM + drives + 'solver: {step: 0.01}\n')
+    with pytest.raises(error) as refused:
+        Simulation(scene).step()
+    said = str(refused.value)
+    assert told in said and all(f'{name} is off by' in said for name in ('cam', 'push'))
