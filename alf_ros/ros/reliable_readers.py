@@ -16,9 +16,10 @@ from typing import Any
 from rclpy.duration import Duration
 
 PATIENCE = 3.0  # s, with readers that do not follow, and at the end
-# s between two messages behind which readers may have told: much less than the few seconds of
-# their turn, and so long that ticks in real time do not look
-_GAP = 0.1
+# s between two messages in which readers may have told: of slow ticks, which are held, and of any
+# messages; much less than the few seconds of their turn, and so long that ticks in real time do
+# not look
+_SLOW, _GAP = 2e-3, 0.1
 
 
 class ReliableReaders:
@@ -36,7 +37,8 @@ class ReliableReaders:
         """Before each message, whether they must not lack it (`hold`) or may: if it removes one
         from the history which they must not lack, wait until they have all; after a reader that
         did not follow, only look whether it has them now."""
-        if self._kept and time.monotonic() - self._last > _GAP and self._have_all(0.0):
+        passed = time.monotonic() - self._last
+        if self._kept and passed > (_SLOW if hold else _GAP) and self._have_all(0.0):
             self._clear()
         if hold and len(self._kept) == self._depth and self._kept[0]:
             self.lagging = not self._have_all(0.0 if self.lagging else PATIENCE)

@@ -152,14 +152,19 @@ def test_readers_that_told_by_themselves_are_not_waited_for(peer):
         peer.until(publisher.get_subscription_count, 'the reader')
         readers, took = ReliableReaders(publisher, 10), []
 
-        def publish(count):
+        def publish(count, hold=True):
             for _ in range(count):
                 begin = time.monotonic()
-                readers.await_room(True)
+                readers.await_room(hold)
                 publisher.publish(JointState())
-                readers.note(True)
+                readers.note(hold)
                 took.append(time.monotonic() - begin)
 
+        publish(1, hold=False)
+        for _ in range(12):  # slow ticks: readers are asked after ten, and answer before the next
+            publish(1)
+            time.sleep(0.02)
+        peer.until(lambda: publisher.wait_for_all_acked(Duration()), 'the word of the reader')
         publish(7)
         assert reader.stdout is not None and reader.stdout.readline() == 'heard\n'
         peer.until(lambda: publisher.wait_for_all_acked(Duration()), 'the word of the reader')
