@@ -4,12 +4,14 @@ import threading
 import time
 from concurrent.futures import Future
 from types import SimpleNamespace
+from typing import Any, cast
 
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 
 from alf_ros.ros.view.operator import Operator
+from alf_ros.ros.view.view_node import ViewNode
 from support.ros_node import LIMIT
 
 
@@ -36,7 +38,7 @@ class Simulator:
 
 
 def answered(response):
-    future = Future()
+    future: Future[Any] = Future()
     future.set_result(response)
     return future
 
@@ -44,7 +46,7 @@ def answered(response):
 def test_each_page_steps_by_its_own_count():
     """One stepped by the count of the other, which had set it in between."""
     simulator = Simulator()
-    operator = Operator(simulator, 'simulator')
+    operator = Operator(cast(ViewNode, simulator), 'simulator')
     said = {}
 
     def page(count):
