@@ -3,19 +3,23 @@
 A middleware keeps the last messages for readers that lack them, and gives up the oldest one for a
 new one. So a publisher in a hurry waits before it gives up a message that readers may lack. Before
 that it does not wait: readers have a message long before they tell so. They are asked only where
-the history is full; otherwise they tell every few seconds.
+the history is full; otherwise they tell every few seconds. The history is empty then, so whoever
+counts its messages has to look from time to time.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from contextlib import suppress
 from typing import Any
 
 from rclpy.duration import Duration
 
 PATIENCE = 3.0  # s, with readers that do not follow, and at the end
+# s between two messages in which readers may have told: of slow ticks, which are held, and of any
+# messages; much less than the few seconds of their turn, and so long that ticks in real time do
+# not look
+_SLOW, _GAP = 2e-3, 0.1
 
 
 class ReliableReaders:
@@ -27,15 +31,27 @@ class ReliableReaders:
         self._unacknowledged = False  # whether they may lack messages
         # of the messages in the history that they may lack, whether they must not
         self._kept: deque[bool] = deque(maxlen=self._depth)
+        self._last = 0.0  # s, when the last message was published
 
-    def await_room(self) -> None:
-        """Before a message that removes one from the history which they must not lack: wait until
-        they have all; after a reader that did not follow, only look whether it has them now."""
-        if len(self._kept) < self._depth or not self._kept[0]:
-            return
-        wait = Duration(seconds=0.0 if self.lagging else PATIENCE)
-        with suppress(RuntimeError):  # a middleware that cannot tell
-            self.lagging = not self._publisher.wait_for_all_acked(wait)
+    def await_room(self, hold: bool) -> None:
+        """Before each message, whether they must not lack it (`hold`) or may: if it removes one
+        from the history which they must not lack, wait until they have all; after a reader that
+        did not follow, only look whether it has them now."""
+        passed = time.monotonic() - self._last
+        if self._kept and passed > (_SLOW if hold else _GAP) and self._have_all(0.0):
+            self._clear()
+        if hold and len(self._kept) == self._depth and self._kept[0]:
+            self.lagging = not self._have_all(0.0 if self.lagging else PATIENCE)
+            self._clear()
+
+    def _have_all(self, seconds: float) -> bool:
+        """Whether they tell within this time that they have all messages."""
+        try:
+            return bool(self._publisher.wait_for_all_acked(Duration(seconds=seconds)))
+        except RuntimeError:  # a middleware that cannot tell
+            return not self.lagging
+
+    def _clear(self) -> None:
         self._unacknowledged = False
         self._kept.clear()
 
@@ -43,11 +59,10 @@ class ReliableReaders:
         """After a message; `hold`: they must not lack it."""
         self._unacknowledged = True
         self._kept.append(hold)
+        self._last = time.monotonic()
 
     def deliver(self, end: float) -> None:
         """Wait until they have all messages, up to `end` (s, of the monotonic clock); not for one
         that did not follow before."""
         if self._unacknowledged and not self.lagging:
-            left = Duration(seconds=max(0.0, end - time.monotonic()))
-            with suppress(RuntimeError):  # a middleware that cannot tell
-                self._publisher.wait_for_all_acked(left)
+            self._have_all(max(0.0, end - time.monotonic()))

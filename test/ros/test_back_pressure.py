@@ -7,10 +7,12 @@ import sys
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from alf_ros.ros.reliable_readers import ReliableReaders
 from support.log_files import make
 from support.paths import ROOT
 from support.ros_node import SimulatorProcess
@@ -137,3 +139,37 @@ def test_a_step_behind_a_pause_does_not_wait_for_what_was_read_before(tmp_path, 
             took = time.monotonic() - begin
             assert took < 1.0
             peer.call(SetBool, '/simulator/pause', data=False)
+
+
+def test_readers_that_told_by_themselves_are_not_waited_for(peer):
+    """Steps of a few ticks with pauses between them took up to three seconds for each topic: the
+    readers had told of some messages already, and are not asked for so few."""
+    reader = subprocess.Popen(
+        [sys.executable, '-c', READER], env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        publisher = peer.node.create_publisher(JointState, 'joint_states', 10)
+        peer.until(publisher.get_subscription_count, 'the reader')
+        readers, took = ReliableReaders(publisher, 10), []
+
+        def publish(count, hold=True):
+            for _ in range(count):
+                begin = time.monotonic()
+                readers.await_room(hold)
+                publisher.publish(JointState())
+                readers.note(hold)
+                took.append(time.monotonic() - begin)
+
+        publish(1, hold=False)
+        for _ in range(12):  # slow ticks: readers are asked after ten, and answer before the next
+            publish(1)
+            time.sleep(0.02)
+        peer.until(lambda: publisher.wait_for_all_acked(Duration()), 'the word of the reader')
+        publish(7)
+        assert reader.stdout is not None and reader.stdout.readline() == 'heard\n'
+        peer.until(lambda: publisher.wait_for_all_acked(Duration()), 'the word of the reader')
+        publish(7)
+    finally:
+        reader.kill()
+        reader.wait()
+    assert max(took) < 1.0

@@ -3,6 +3,7 @@
 import io
 import math
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ from sensor_msgs.msg import Imu, JointState, Range
 
 from alf_ros import Simulation, load_scene
 from alf_ros.__main__ import main
+from alf_ros.logs import load
 from alf_ros.ros.simulator.node import Simulator, Stop
+from alf_ros.ros.simulator.reporting import LOOKS_PER_DIAGNOSIS
 from alf_ros.ros.terminal import StatusLine
 from alf_ros.simulation.sensors import Sensors
 from support.ros_node import SimulatorProcess
@@ -252,6 +255,56 @@ def test_the_velocity_of_an_encoder_does_not_depend_on_its_readers(tmp_path: Pat
     assert math.isclose(plain[0].velocity[0], (position[10] - position[9]) / 0.01, rel_tol=1e-12)
     assert plain[1].header == plain[0].header and plain[1].velocity == plain[0].velocity
     assert math.isclose(late[0].velocity[0], (position[9] - position[7]) / 0.02, rel_tol=1e-12)
+
+
+def test_a_late_reader_hears_the_first_ticks_of_periods_only(tmp_path: Path, peer) -> None:
+    """The first message was one of the middle of a period, if nobody had read before."""
+    text = 'mechanism: slider_crank\nsensors: {pose: {body: coupler, rate: 100}}\n'
+    node = simulator(tmp_path, text, rate=500.0)
+    try:
+        run = node._control.run
+        for _ in range(7):
+            run.tick()
+        heard = peer.listen('/simulator/pose', PoseStamped)
+        peer.until(lambda: node.count_subscribers('/simulator/pose'), 'the subscription')
+        for _ in range(8):
+            run.tick(whole=True)
+        run.send(record=False, whole=True)  # as in a pause
+        peer.until(lambda: len(heard) == 3, 'three messages')
+    finally:
+        node.close()
+        node.destroy_node()
+    assert [each.header.stamp.nanosec for each in heard] == [20_000_000, 30_000_000, 30_000_000]
+
+
+def test_a_report_in_the_middle_of_a_tick_measures_nothing(tmp_path: Path, peer) -> None:
+    """While a paused node made a long tick, it published states that the log has not. The encoder
+    told its velocity since the last of them, as if each second of real time were a tick."""
+    text = 'mechanism: slider_crank\nsensors: {encoder: {joint: crank_pin}}\n'
+    text += 'initial: {velocities: {B: [-4, 0]}}\nsolver: {integrator: rk4, step: 1.0e-4}\n'
+    folder = str(tmp_path / 'logs')
+    given: dict[str, Any] = {'record.enabled': True, 'record.folder': folder}
+    node = simulator(tmp_path, text, rate=0.05, **given)
+    try:
+        control = node._control
+        step = control.step(1)
+        step.send(None)
+        assert control.run.under_way
+        for _ in range(LOOKS_PER_DIAGNOSIS):
+            node._reporting.look()
+        while control.run.under_way:
+            control.advance(time.monotonic())
+        step.close()
+        recorder = control.run.recorder
+        assert recorder is not None
+    finally:
+        node.close()
+        node.destroy_node()
+    read = load(recorder.folder).read('~/encoder')
+    assert read.stamp.tolist() == [1, 20 * 10**9]
+    motion = Simulation(load_scene(tmp_path / 'scene.yaml')).run(20.0, every=200_000)
+    begun, ended = [sample.joints['crank_pin'].position for sample in motion]
+    assert math.isclose(read.columns['velocity'][1, 0], (ended - begun) / 20.0, rel_tol=1e-12)
 
 
 def test_readers_of_sensors_that_do_not_follow_are_named(tmp_path: Path, peer) -> None:

@@ -125,15 +125,14 @@ class Replay(Node):
             self._told = item.stamp
             self._ticker.publish(Clock(clock=to_time(item.stamp)))
         readers = self._readers[item.topic]
-        if not self._rate:
-            self._await_room(item.topic, readers)
+        self._await_room(item.topic, readers)
         self._outputs[item.topic].publish(item.data)
         readers.note(not self._rate)
         self.published += 1
 
     def _await_room(self, topic: str, readers: ReliableReaders) -> None:
         before = readers.lagging
-        readers.await_room()
+        readers.await_room(not self._rate)
         if readers.lagging and not before:
             self._status.say(f'readers lose messages of {topic}: they do not follow')
 

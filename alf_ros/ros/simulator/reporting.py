@@ -75,8 +75,9 @@ class Reporting:
             self.diagnose()
         if regular:
             self._before = Pace(self._pacer.ticks, self._pacer.overruns, self._pacer.lost)
-            if self._control.paused:
-                # Late subscribers, and those that missed the message, receive the state too.
+            if self._control.paused and not run.under_way:
+                # Late subscribers, and those that missed the message, receive the state too. In
+                # the middle of a tick it is no state of the run: sensors would remember it.
                 run.send(record=False, whole=True)
         if self._status.live or self._looks % round(PLAIN_PERIOD / LOOK_PERIOD) == 0:
             self._status.show(self._line())

@@ -30,7 +30,9 @@ class _Topic:
     output: Output
     write: Fill
     rate: float  # Hz; 0: one message a tick
-    period: int = -1  # of the last message
+    period: int = -1  # of the last instant
+    seen: int = -1  # its stamp, ns
+    due: bool = False  # whether it is the first one of its period
     made: float = 0.0  # s
 
 
@@ -75,7 +77,7 @@ class SensorOutputs:
         """A run begins, at any time: the one before does not count."""
         self._sensors.forget()
         for topic in self._topics.values():
-            topic.period = -1
+            topic.period = topic.seen = -1
 
     def look(self) -> None:
         """See who subscribes."""
@@ -94,7 +96,9 @@ class SensorOutputs:
         for label, topic in self._topics.items():
             keep = record and topic.output.recorder is not None
             wanted = keep or topic.output.published
-            if (wanted or self._sensors.remembers(label)) and self._is_due(topic, ns):
+            # without a reader too, so that what is sent does not depend on when one came
+            is_due = self._is_due(topic, ns)
+            if is_due and (wanted or self._sensors.remembers(label)):
                 due.append((label, topic, keep, wanted))
         if not due and not self._sensors.follows:
             return
@@ -135,9 +139,10 @@ class SensorOutputs:
 
     @staticmethod
     def _is_due(topic: _Topic, ns: int) -> bool:
-        """Whether this is the first instant of a period of the sensor."""
+        """Whether this is the first instant of a period of the sensor, at every look at it."""
         if not topic.rate:
             return True
-        period = period_of(ns, topic.rate)
-        before, topic.period = topic.period, period
-        return period != before
+        if ns != topic.seen:
+            period = period_of(ns, topic.rate)
+            topic.due, topic.period, topic.seen = period != topic.period, period, ns
+        return topic.due

@@ -93,8 +93,7 @@ class Output:
         Others do not count: readers have them, but tell so every few seconds only.
         """
         if publish:
-            if hold:
-                self.readers.await_room()
+            self.readers.await_room(hold)
             begun = time.thread_time()
             self._publisher.publish(data)
             self.sent += time.thread_time() - begun

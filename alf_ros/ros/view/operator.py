@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as TooLate
@@ -36,6 +37,7 @@ class Operator:
     def __init__(self, node: ViewNode, simulator: str) -> None:
         self._node = node
         self._todo: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._turn = threading.Lock()  # of a page that steps: a step takes its count from before
         self._pause = node.create_client(SetBool, f'{simulator}/pause')
         self._step = node.create_client(Trigger, f'{simulator}/step')
         self._reset = node.create_client(Trigger, f'{simulator}/reset')
@@ -77,8 +79,9 @@ class Operator:
     def _stepping(self, count: object) -> str:
         if type(count) is not int or not 0 < count <= MOST_STEPS:
             raise NotDone(f'not a number of ticks: {_short(count)}')
-        self._setting('step_count', count)
-        return self._ask(self._step, Trigger.Request())
+        with self._turn:
+            self._setting('step_count', count)
+            return self._ask(self._step, Trigger.Request())
 
     def _pushing(self, efforts: object) -> str:
         if not isinstance(efforts, dict) or not efforts:
