@@ -152,31 +152,6 @@ def test_a_turn_at_a_branch_point_is_a_position_of_rest() -> None:
     assert path.events[-1].value == pytest.approx(-2000.0, rel=1e-9)
 
 
-def test_stability_between_two_branch_points_of_a_step() -> None:
-    """A column in space, held by springs of nearly equal stiffness across it: P = k L."""
-    springs = {
-        f's{n}': {
-            'between': ['B', 'ground'],
-            'at': [None, [x, y, 1.0]],
-            'stiffness': k,
-            'free_length': 3.0,
-        }
-        for n, (x, y, k) in enumerate([(3, 0, 50), (-3, 0, 50), (0, 3, 50.05), (0, -3, 50.05)])
-    }
-    points = {'O': {'at': [0, 0, 0], 'fixed': True}, 'B': {'at': [0, 0, 1.0]}}
-    rod = {'points': ['O', 'B'], 'mass': 1.0, 'inertia': 'point', 'com': [1.0, 0, 0]}
-    foot = {'type': 'spherical', 'between': ['ground', 'rod'], 'at': 'O'}
-    column = {'alf': 1, 'space': 'spatial', 'points': points, 'bodies': {'rod': rod}}
-    load = {'constant_wrench': {'load': {'on': 'B', 'force': [0, 0, 0]}}}
-    scene = load_scene(
-        {'mechanism': {**column, 'joints': {'foot': foot}}, 'effects': {'spring': springs, **load}}
-    )
-    path = equilibrium_path(scene, over='load.force.2', end=-300.0)
-    first, second = path.branch_points
-    np.testing.assert_allclose([first.value, second.value], [-100.0, -100.1], rtol=1e-11)
-    assert (first.before, first.after, second.before) == ('stable', 'unstable', 'unstable')
-
-
 def test_an_imperfect_arch_has_no_pitchfork() -> None:
     scene = with_changes(arch(3.0), {'load.force.0': '1.0'})
     path = equilibrium_path(scene, over='load.force.1', end=-2000.0, back=100.0)

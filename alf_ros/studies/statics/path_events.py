@@ -35,6 +35,7 @@ _AROUND = 0.15  # of a step, that the nodes reach
 _BRACKET = 0.02  # of a step
 _FLUTTER = 1e-10  # of a step: how near to each other stable and unstable points come
 _TOGETHER = 1e-5  # of a step, within which zeros count as one
+_TURNED = 1e-3  # of the slope of the number before, that is left where it turns
 _SMOOTH = 1e-6  # of the largest coefficient, that the last ones of a smooth μ may be
 
 
@@ -92,12 +93,20 @@ class _Zeros:
             yield from self.between(first, middle)
             yield from self.between(middle, last)
         elif count:
-            yield self._located(first, last, measures, TURN if turns else BRANCH, count)
+            found = self._located(first, last, measures, TURN if turns else BRANCH, count)
+            apart = (
+                self._between_apart(first, last) if turns and not _turns(found, first) else None
+            )
+            if apart is None:
+                yield found
+            else:
+                yield from self.between(first, apart)
+                yield from self.between(apart, last)
         elif turns and _is_beyond(first) and _is_beyond(last):
-            middle = self._between_opposite(first, last)
-            if middle is not None:
-                yield from self.between(first, middle)
-                yield from self.between(middle, last)
+            opposite = self._between_opposite(first, last)
+            if opposite is not None:
+                yield from self.between(first, opposite)
+                yield from self.between(opposite, last)
                 return
             # the eigenvalue touches zero: the number turns where another path crosses
             yield self._located(first, last, (lambda _, along: along.value,), BRANCH, 1)
@@ -114,6 +123,19 @@ class _Zeros:
             if _changes(first.point, middle.point)[1]:
                 return middle
             turned = first.direction.value * middle.direction.value < 0.0
+            first, last = (first, middle) if turned else (middle, last)
+        return None
+
+    def _between_apart(self, first: _Mark, last: _Mark) -> _Mark | None:
+        """A mark between where the number turns and a zero of an eigenvalue elsewhere; None if
+        there is none."""
+        while last.s - first.s > _TOGETHER * self._length:
+            middle = self._mark(0.5 * (first.s + last.s))
+            if not _is_beyond(middle):
+                return None
+            turned = first.direction.value * middle.direction.value < 0.0
+            if turned != bool(_changes(first.point, middle.point)[1]):
+                return middle
             first, last = (first, middle) if turned else (middle, last)
         return None
 
@@ -217,6 +239,11 @@ def _changes(a: PathPoint, b: PathPoint) -> tuple[Measures, int]:
 def _product(first: int, last: int, at: PathPoint, _: PathDirection) -> float:
     """Of some eigenvalues."""
     return float(np.prod(at.squares[first:last]))
+
+
+def _turns(found: CriticalPoint, before: _Mark) -> bool:
+    """Whether the number turns at a critical point, and not elsewhere in its step."""
+    return abs(found.leaving.value) <= _TURNED * abs(before.direction.value)
 
 
 def _flutters(point: PathPoint) -> bool:
