@@ -126,6 +126,32 @@ def test_a_tall_arch_sways_before_it_snaps() -> None:
             np.testing.assert_allclose(pull, [0.0, value], atol=1e-7)
 
 
+@pytest.mark.parametrize('height', [2.6, 2.63, 2.6457, 2.646, 2.66])
+def test_a_turn_and_a_branch_point_within_a_step(height: float) -> None:
+    """Beside a height of √7 m one stiffness falls through zero where the other one rises."""
+    slack = np.hypot(1.0, height)
+    lengths = [z.real for z in np.roots([1.0, -slack, 0.0, slack]) if z.real > 1.0]
+    expected = [('branch', float(np.sqrt(z**2 - 1.0))) for z in lengths]
+    expected = sorted([*expected, ('turn', limit(height))], key=lambda each: -each[1])
+    path = equilibrium_path(arch(height), over='load.force.1', end=-2600.0, back=500.0)
+    assert [event.kind for event in path.events] == [kind for kind, _ in expected]
+    for event, (kind, y) in zip(path.events, expected, strict=True):
+        assert path.points['P'][event.index, 1] == pytest.approx(y, rel=1e-11)
+        assert event.value == pytest.approx(float(load(y, height)), rel=1e-12)
+        assert event.smooth and event.count == 1
+        moves = [1.0, 0.0] if kind == 'branch' else [0.0, 1.0]
+        np.testing.assert_allclose(np.abs(event.direction), moves, atol=1e-9)
+    between = 'stable' if height < np.sqrt(7.0) else 'unstable'
+    assert path.events[1].after == path.events[2].before == between
+
+
+def test_a_turn_at_a_branch_point_is_a_position_of_rest() -> None:
+    """Where both stiffnesses vanish, no force has a size. It ended with a KeyError."""
+    path = equilibrium_path(arch(np.sqrt(7.0)), over='load.force.1', end=-2600.0, back=500.0)
+    np.testing.assert_allclose(path['P.y'], path.points['P'][:, 1])
+    assert path.events[-1].value == pytest.approx(-2000.0, rel=1e-9)
+
+
 def test_an_imperfect_arch_has_no_pitchfork() -> None:
     scene = with_changes(arch(3.0), {'load.force.0': '1.0'})
     path = equilibrium_path(scene, over='load.force.1', end=-2000.0, back=100.0)

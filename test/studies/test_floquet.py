@@ -88,6 +88,49 @@ def test_a_free_swing_shears_with_the_slope_of_its_period() -> None:
     assert max(found.miss) < 1e-10
 
 
+@pytest.mark.parametrize('angle', [0.5, 2.0, 2.8])
+@pytest.mark.parametrize('digit', [1e-9, -1e-9, 1e-8, -1e-8])
+def test_last_digits_of_the_period_do_not_decide(angle: float, digit: float) -> None:
+    """A free swing is neutral; its double multiplier 1 moves by the root of such an error."""
+    period = 4.0 * ellipk(math.sin(angle / 2.0) ** 2) / math.sqrt(G)
+    found = floquet(swinging(angle), period=period * (1.0 + digit))
+    assert found.autonomous and found.verdict == 'neutral'
+
+
+@pytest.mark.parametrize(
+    ('speed', 'drag', 'verdict'), [(0.1, 0.0, 'unstable'), (8.0, 0.5, 'stable'), (8, 0, 'neutral')]
+)
+def test_short_periods_are_judged_as_long_ones(speed: float, drag: float, verdict: str) -> None:
+    """Shaken with 40 kHz: the mean is δ̈ = (g - v²/2) δ - c δ̇, and v is the largest speed."""
+    rate = 2.5e5
+    found = floquet(shaken(speed / rate, rate, drag), period=2.0 * math.pi / rate)
+    mean = np.roots([1.0, drag, speed**2 / 2.0 - G])
+    np.testing.assert_allclose(
+        np.sort_complex(found.exponents), np.sort_complex(mean), rtol=1e-3, atol=1e-6
+    )
+    assert found.verdict == verdict and not found.autonomous
+
+
+def test_a_short_period_does_not_free_a_motion_from_time() -> None:
+    """Shaken to the side with 16 kHz by x = a cos ωt, a bar stands upright at about -x / 1 m."""
+    rate, aside = 1e5, 1e-6
+    tip = [aside + math.sin(-aside), math.cos(aside)]
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'P': {'at': [aside, 0]}, 'B': {'at': tip}},
+                'bodies': {'bar': {'points': ['P', 'B'], **BAR}},
+            },
+            'drives': {'shake': {'point': 'P', 'at': [f'{aside}*cos({rate}*t)', '0']}},
+            'effects': GRAVITY,
+        }
+    )
+    found = floquet(scene, period=2.0 * math.pi / rate)
+    assert not found.autonomous and found.verdict == 'unstable'
+    assert found.exponents[0] == pytest.approx(math.sqrt(G), rel=1e-3)
+
+
 def test_a_loop_returns_after_its_period() -> None:
     """Without effects a four-bar turns for ever: dq̇ along the motion only changes its period."""
     crank = {'A': ['-3*a*sin(theta)', '3*a*cos(theta)']}

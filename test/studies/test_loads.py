@@ -317,6 +317,29 @@ def test_fastest_run_where_drag_limits_the_speed() -> None:
     assert way / 0.1 < quadratic.duration < 1.01 * way / 0.1
 
 
+def test_viscous_friction_costs_half_a_power() -> None:
+    """Accelerates with 2 N, brakes with 6 N: at both ends friction goes as the root of the way."""
+    m, d, way = 2.0, 5.0, 0.8
+    k = d / m
+
+    def braking(speed: float) -> tuple[float, float]:
+        t = np.log1p(speed * d / 6.0) / k
+        return t, (speed + 6.0 / d) * -np.expm1(-k * t) / k - 6.0 / d * t
+
+    def ahead(t: float) -> float:
+        part = -np.expm1(-k * t)
+        return 2.0 / d * (t - part / k) + braking(2.0 / d * part)[1] - way
+
+    t = brentq(ahead, 0.1, 10.0)
+    expected = t + braking(2.0 / d * -np.expm1(-k * t))[0]
+    scene = guided(joint_friction={'joint': 'guide', 'viscous': d})
+    runs = [
+        fastest(scene, {'guide': [-6.0, 2.0]}, length=way, pieces=pieces) for pieces in (500, 8000)
+    ]
+    errors = [abs(run.duration - expected) for run in runs]
+    assert errors[1] < 1e-4 and 12.0 < errors[0] / errors[1] < 40.0
+
+
 def rolled(speed: str) -> Scene:
     """A wheel on a belt, its centre driven."""
     belt = {'through': [0, 0], 'direction': [1, 0], 'speed': speed}

@@ -76,7 +76,8 @@ def fastest(
     path: a scene whose drives prescribe the path: their t is the parameter s of the path, from 0
     to `length`, and says nothing about time. limits: for each actuator (as in `loads`) the largest
     effort (N or N m), or the least and the largest. pieces: of constant s̈; the error of
-    the duration falls with the power 1.5 of their length.
+    the duration falls with the power 1.5 of their length, and with the power 1 if forces are
+    proportional to the speed: these are roots of ṡ², whose slope is infinite at rest.
 
     Raises InputError for what cannot be used, with friction that depends on reactions, if the
     actuators cannot follow the path, or limits are too small to hold the mechanism on it.

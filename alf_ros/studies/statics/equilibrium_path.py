@@ -202,7 +202,10 @@ class EquilibriumPath:
             point = self._course.points[k]
             simulation, _ = self._varied.simulation(point.value)
             whole, left = one_part(simulation.model.n), np.array([point.left])
-            landing = Landing(point.instant, point.lam, whole, left, np.array([point.scale]), 0)
+            # at a critical point, forces may have no size of their own
+            beside = self._course.points[max(k - 1, 0) : k + 2]
+            scale = np.array([max(each.scale for each in beside)])
+            landing = Landing(point.instant, point.lam, whole, left, scale, 0)
             self._rests[k] = found_at(simulation, landing)
         return self._rests[k]
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as linalg
 from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
@@ -32,7 +33,9 @@ STABLE, NEUTRAL, UNSTABLE = 'stable', 'neutral', 'unstable'
 _FEWEST, _MOST = 100, 2000  # steps of a period
 _TOLERANCE = 1e-11  # of a step
 _MISSES = 1e-6  # of the size and of the largest velocity, by which a motion may miss its start
-_ONE = 1e-4  # distance from 1 of a multiplier that counts as 1: of a double one the root of errors
+_ONE = 1e-4  # distance from 1 of a multiplier that counts as 1 at most: of a double one the root
+# of errors
+_KNOWN = 1e-7  # of its norm: how well the matrix is known, beside the error of the period
 _WHOLE = 1e-9  # of a step
 
 
@@ -43,7 +46,9 @@ class FloquetModel:
     period: s. monodromy (g + f, g + f): of (η, ν) at the start, η (g,) the displacement along
     `directions`, ν (f,) the change of velocity, for a unit of mass. directions (g, n): each in the
     order of `Sample.q`, kg^-½. flow (g + f,): η̇ and ν̇ of the motion at the start. miss: the
-    distance (m, m/s) of its end from its start.
+    distance (m, m/s) of its end from its start. autonomous: whether the motion may begin at any
+    time; then a deviation along it returns, and its multiplier, 1, does not count in the verdict.
+    doubt: how well the matrix is known, as a part of its norm.
     """
 
     period: float
@@ -51,6 +56,8 @@ class FloquetModel:
     directions: Floats
     flow: Floats
     miss: tuple[float, float]
+    autonomous: bool
+    doubt: float
 
     def __repr__(self) -> str:
         states = len(self.monodromy)
@@ -71,25 +78,26 @@ class FloquetModel:
         with np.errstate(divide='ignore'):
             return np.asarray(np.log(self.multipliers) / self.period)
 
-    @cached_property
-    def autonomous(self) -> bool:
-        """Whether the motion may begin at any time: then a deviation along the motion returns, and
-        its multiplier, 1, does not count in the verdict."""
-        size = float(np.linalg.norm(self.flow))
-        off = float(np.linalg.norm(self.monodromy @ self.flow - self.flow))
-        return size > 0.0 and off <= _ONE * size
-
     @property
     def verdict(self) -> str:
         """'stable' if all deviations decay (to a shift in time, if nothing depends on time),
         'unstable' if one grows, 'neutral' if the largest neither grows nor decays."""
-        sizes = np.abs(self.multipliers)
-        if self.autonomous and sizes.size:
-            sizes = np.delete(sizes, np.argmin(np.abs(self.multipliers - 1.0)))
-        largest = float(sizes.max(initial=0.0))
-        if largest > 1.0 + _ONE:
+        beside = self.monodromy
+        if self.autonomous:
+            # across the motion: beside the multiplier along it, another 1 would be doubled, and
+            # the last digits of the period would move both by their root
+            across = np.linalg.svd(self.flow[None])[2][1:]
+            beside = across @ beside @ across.T
+        if not beside.size:
+            return STABLE
+        values, left, right = linalg.eig(beside, left=True)
+        cosines = np.abs((left.conj() * right).sum(axis=0))
+        known = self.doubt * np.linalg.norm(self.monodromy, 2)
+        doubt = known / np.maximum(cosines, known / _ONE)
+        grown = np.abs(values) - 1.0
+        if (grown > doubt).any():
             return UNSTABLE
-        return STABLE if largest < 1.0 - _ONE else NEUTRAL
+        return STABLE if (grown < -doubt).all() else NEUTRAL
 
 
 def floquet(about: Scene | Simulation, *, period: float) -> FloquetModel:
@@ -116,15 +124,22 @@ def floquet(about: Scene | Simulation, *, period: float) -> FloquetModel:
     if not Z.shape[1]:
         raise InputError('nothing is free: drives and rows hold every motion', key='floquet')
     run, steps = _begun(base, instant, period)
-    first = run.sample()
+    flow = _flow(instant, run.sample())
     run.step(steps)
     end = run.state
+    miss, part = _checked_miss(instant, end.q, end.qd, period)
+    monodromy = _reduced(instant, end.tangents)
+    # free of time the flow is a tangent, and ends as one; over a short period all nearly return
+    off = float(np.linalg.norm(monodromy @ flow - _flow(instant, run.sample())))
+    size = float(np.linalg.norm(flow))
     return FloquetModel(
         period=period,
-        monodromy=_reduced(instant, end.tangents),
+        monodromy=monodromy,
         directions=in_order(instant.model, Y.T),
-        flow=_flow(instant, first),
-        miss=_checked_miss(instant, end.q, end.qd, period),
+        flow=flow,
+        miss=miss,
+        autonomous=off <= _KNOWN * float(np.linalg.norm(monodromy, 2)) * size and size > 0.0,
+        doubt=_KNOWN + part,
     )
 
 
@@ -188,24 +203,28 @@ def _reduced(instant: Instant, tangents: Floats) -> Floats:
 
 
 def _flow(instant: Instant, sample: Sample) -> Floats:
-    """(g + f,) of η̇ and ν̇ at the start."""
+    """(g + f,) of η̇ and ν̇ of a sample, in the coordinates of the start."""
     model, n = instant.model, instant.model.n
     acceleration = blocks_of(model, sample.qdd)[:n]
-    rates = instant.position_directions.T @ (instant.M @ instant.qd[:n])
+    rates = instant.position_directions.T @ (instant.M @ sample.state.qd[:n])
     return np.concatenate([rates, instant.velocity_directions.T @ (instant.M @ acceleration)])
 
 
-def _checked_miss(instant: Instant, q: Floats, qd: Floats, period: float) -> tuple[float, float]:
-    """How far (m, m/s) the motion ends from its start. Raises InputError if it is too far."""
+def _checked_miss(
+    instant: Instant, q: Floats, qd: Floats, period: float
+) -> tuple[tuple[float, float], float]:
+    """How far (m, m/s) the motion ends from its start; and as a part of its size, or of its
+    largest velocity. Raises InputError if it is too far."""
     apart = without_rotors(instant.model.layout, q - instant.q)
     far = float(np.abs(apart).max(initial=0.0))
     off = float(np.abs(qd - instant.qd).max(initial=0.0))
     size = instant.model.size
     fastest = max(float(np.abs(instant.qd).max(initial=0.0)), size / period)
-    if far > _MISSES * size or off > _MISSES * fastest:
+    part = max(far / size, off / fastest)
+    if part > _MISSES:
         raise InputError(
             f'the motion is not periodic: after {period:.9g} s it misses its start by '
             f'{far:.3g} m and {off:.3g} m/s',
             key='period',
         )
-    return far, off
+    return (far, off), part

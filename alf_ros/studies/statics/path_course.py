@@ -67,6 +67,8 @@ class PathCourse:
                     self.ending = BACK
                     return
                 for found in critical_points(step):
+                    if len(self.points) - 1 in self.critical:
+                        self.points += _middle(step, self.points[-1], found.point)
                     self.critical[len(self.points)] = found
                     self.points.append(found.point)
                 self.points.append(step.after)
@@ -81,6 +83,17 @@ class PathCourse:
             self.ending = f'it cannot be followed beyond {last:.9g}: {error}'
             return
         self.ending = f'it reaches {self.points[-1].value:.9g}'
+
+
+def _middle(step: PathStep, one: PathPoint, other: PathPoint) -> list[PathPoint]:
+    """The point of a step between two critical points: it has the stability between them."""
+    ways = [
+        step.before.scales.product(step.leaving, each.since(step.before)) for each in (one, other)
+    ]
+    try:
+        return [corrected(step.before, step.leaving, 0.5 * sum(ways))]
+    except InputError:
+        return []
 
 
 def _passed(origin: PathPoint, step: PathStep) -> PathPoint | None:

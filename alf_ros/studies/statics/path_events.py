@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -34,6 +35,7 @@ _AROUND = 0.15  # of a step, that the nodes reach
 _BRACKET = 0.02  # of a step
 _FLUTTER = 1e-10  # of a step: how near to each other stable and unstable points come
 _TOGETHER = 1e-5  # of a step, within which zeros count as one
+_TURNED = 1e-3  # of the slope of the number before, that is left where it turns
 _SMOOTH = 1e-6  # of the largest coefficient, that the last ones of a smooth μ may be
 
 
@@ -61,6 +63,7 @@ class _Mark:
 
 
 Measure = Callable[[PathPoint, PathDirection], float]
+Measures = tuple[Measure, ...]  # of one zero: others than the first are smooth where it has a kink
 
 
 def critical_points(step: PathStep) -> Iterator[CriticalPoint]:
@@ -83,19 +86,58 @@ class _Zeros:
 
     def between(self, first: _Mark, last: _Mark) -> Iterator[CriticalPoint]:
         """The critical points between two marks."""
-        measure, count = _changes(first.point, last.point)
+        measures, count = _changes(first.point, last.point)
         turns = first.direction.value * last.direction.value < 0.0
         if count > 1 and last.s - first.s > _TOGETHER * self._length:
             middle = self._mark(0.5 * (first.s + last.s))
             yield from self.between(first, middle)
             yield from self.between(middle, last)
         elif count:
-            yield self._located(first, last, measure, TURN if turns else BRANCH, count)
+            found = self._located(first, last, measures, TURN if turns else BRANCH, count)
+            apart = (
+                self._between_apart(first, last) if turns and not _turns(found, first) else None
+            )
+            if apart is None:
+                yield found
+            else:
+                yield from self.between(first, apart)
+                yield from self.between(apart, last)
         elif turns and _is_beyond(first) and _is_beyond(last):
+            opposite = self._between_opposite(first, last)
+            if opposite is not None:
+                yield from self.between(first, opposite)
+                yield from self.between(opposite, last)
+                return
             # the eigenvalue touches zero: the number turns where another path crosses
-            yield self._located(first, last, lambda _, along: along.value, BRANCH, 1)
+            yield self._located(first, last, (lambda _, along: along.value,), BRANCH, 1)
         elif _flutters(first.point) != _flutters(last.point):
             yield self._flutter(first, last)
+
+    def _between_opposite(self, first: _Mark, last: _Mark) -> _Mark | None:
+        """A mark between a turn and a branch point that change the sign of two eigenvalues the
+        opposite way, so that as many are negative at both ends; None if there is none."""
+        while last.s - first.s > _TOGETHER * self._length:
+            middle = self._mark(0.5 * (first.s + last.s))
+            if not _is_beyond(middle):
+                return None
+            if _changes(first.point, middle.point)[1]:
+                return middle
+            turned = first.direction.value * middle.direction.value < 0.0
+            first, last = (first, middle) if turned else (middle, last)
+        return None
+
+    def _between_apart(self, first: _Mark, last: _Mark) -> _Mark | None:
+        """A mark between where the number turns and a zero of an eigenvalue elsewhere; None if
+        there is none."""
+        while last.s - first.s > _TOGETHER * self._length:
+            middle = self._mark(0.5 * (first.s + last.s))
+            if not _is_beyond(middle):
+                return None
+            turned = first.direction.value * middle.direction.value < 0.0
+            if turned != bool(_changes(first.point, middle.point)[1]):
+                return middle
+            first, last = (first, middle) if turned else (middle, last)
+        return None
 
     def _flutter(self, first: _Mark, last: _Mark) -> CriticalPoint:
         """Where an oscillation begins or ends to grow between two marks."""
@@ -115,21 +157,21 @@ class _Zeros:
         )
 
     def _located(
-        self, first: _Mark, last: _Mark, measure: Measure, kind: str, count: int
+        self, first: _Mark, last: _Mark, measures: Measures, kind: str, count: int
     ) -> CriticalPoint:
-        """The zero of a measure between two marks."""
+        """The zero of the first measure between two marks."""
         known = {each.s: each for each in (first, last)}
 
         def value(s: float) -> float:
             at = known[s] if s in known else self._mark(s)
-            return measure(at.point, at.direction)
+            return measures[0](at.point, at.direction)
 
         s = 0.5 * (first.s + last.s)
         if count == 1:
             s = brentq(value, first.s, last.s, xtol=_BRACKET * self._length)
         reach = min(_AROUND * self._length, 0.5 * (last.s - first.s))
         try:
-            found = self._interpolated(s, reach, measure)
+            found = self._interpolated(s, reach, measures, (first.s, last.s))
         except InputError:
             found = None
         smooth = found is not None
@@ -139,19 +181,27 @@ class _Zeros:
             kind, found, found.tangent(self._step.leaving), found.soft, count, smooth
         )
 
-    def _interpolated(self, near: float, reach: float, measure: Measure) -> PathPoint | None:
-        """The point where the interpolated measure is zero; None if it is not smooth there."""
+    def _interpolated(
+        self, near: float, reach: float, measures: Measures, within: tuple[float, float]
+    ) -> PathPoint | None:
+        """The point where an interpolated measure is zero; None if none is smooth there."""
         nodes = chebyshev.chebpts1(_NODES)
         marks = [self._mark(near + reach * x) for x in nodes]
-        values = np.array([measure(each.point, each.direction) for each in marks])
-        fitted = chebyshev.chebfit(nodes, values, _NODES - 1)
-        if np.abs(fitted[-2:]).max() > _SMOOTH * np.abs(fitted).max():
+        root = None
+        for measure in measures:
+            values = np.array([measure(each.point, each.direction) for each in marks])
+            fitted = chebyshev.chebfit(nodes, values, _NODES - 1)
+            if np.abs(fitted[-2:]).max() > _SMOOTH * np.abs(fitted).max():
+                continue
+            roots = chebyshev.chebroots(fitted)
+            real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
+            at = near + reach * real
+            real = real[(within[0] <= at) & (at <= within[1])]
+            if real.size:
+                root = float(real[np.argmin(np.abs(real))])
+                break
+        if root is None:
             return None
-        roots = chebyshev.chebroots(fitted)
-        real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
-        if not real.size:
-            return None
-        root = float(real[np.argmin(np.abs(real))])
 
         def there(numbers: Floats) -> Floats:
             return np.asarray(
@@ -166,21 +216,34 @@ class _Zeros:
         return found if rests else None
 
 
-def _changes(a: PathPoint, b: PathPoint) -> tuple[Measure, int]:
+def _changes(a: PathPoint, b: PathPoint) -> tuple[Measures, int]:
     """An eigenvalue that changes its sign between two points, or the determinant of loads without
     potential; and how many change.
 
-    One that is zero at an end does not count: there the path begins or ends in a critical point.
+    Eigenvalues are in their order, so one that crosses another has a kink, and their product has
+    none. One that is zero at an end does not count: there the path begins or ends in a critical
+    point.
     """
     if not (a.stability.conservative and b.stability.conservative):
         size = float(np.abs(a.stiffness).max(initial=0.0)) or 1.0
         signs = [np.linalg.det(each.stiffness / size) for each in (a, b)]
-        return (lambda at, _: float(np.linalg.det(at.stiffness / size))), int(
+        return (lambda at, _: float(np.linalg.det(at.stiffness / size)),), int(
             signs[0] * signs[1] < 0.0
         )
     changed = np.flatnonzero((a.squares * b.squares < 0.0) & ~a.are_zero & ~b.are_zero)
     which = int(changed[0]) if changed.size else 0
-    return (lambda at, _: float(at.squares[which])), int(changed.size)
+    spans = (which, which + 1), (which, which + 2), (max(which - 1, 0), which + 1)
+    return tuple(partial(_product, *span) for span in spans), int(changed.size)
+
+
+def _product(first: int, last: int, at: PathPoint, _: PathDirection) -> float:
+    """Of some eigenvalues."""
+    return float(np.prod(at.squares[first:last]))
+
+
+def _turns(found: CriticalPoint, before: _Mark) -> bool:
+    """Whether the number turns at a critical point, and not elsewhere in its step."""
+    return abs(found.leaving.value) <= _TURNED * abs(before.direction.value)
 
 
 def _flutters(point: PathPoint) -> bool:
