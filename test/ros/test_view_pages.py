@@ -1,63 +1,47 @@
 """Several pages of one live view, whose commands come at once."""
 
+import http.client
+import json
 import threading
-import time
-from concurrent.futures import Future
-from types import SimpleNamespace
-from typing import Any, cast
+from urllib.parse import urlsplit
 
-from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParameters
-from std_srvs.srv import Trigger
+from sensor_msgs.msg import JointState
 
-from alf_ros.ros.view.operator import Operator
-from alf_ros.ros.view.view_node import ViewNode
-from support.ros_node import LIMIT
+from support.ros_node import LIMIT, SimulatorProcess
+from support.view_process import ViewProcess
 
 
-class Simulator:
-    """The services of a simulator, which answer at once: the ticks of each step in `made`."""
-
-    def __init__(self):
-        self.count, self.made = 1, []
-
-    def create_client(self, kind, name):
-        act = {SetParameters: self.set_count, Trigger: self.step}.get(kind)
-        return SimpleNamespace(srv_name=name, service_is_ready=lambda: True, call_async=act)
-
-    def create_publisher(self, *_):
-        return None
-
-    def set_count(self, request):
-        self.count = request.parameters[0].value.integer_value
-        return answered(SetParameters.Response(results=[SetParametersResult(successful=True)]))
-
-    def step(self, _):
-        self.made.append(self.count)
-        return answered(Trigger.Response(success=True, message=f'{self.count}'))
-
-
-def answered(response):
-    future: Future[Any] = Future()
-    future.set_result(response)
-    return future
-
-
-def test_each_page_steps_by_its_own_count():
+def test_each_page_steps_by_its_own_count(tmp_path, peer):
     """One stepped by the count of the other, which had set it in between."""
-    simulator = Simulator()
-    operator = Operator(cast(ViewNode, simulator), 'simulator')
-    said = {}
+    heard = peer.listen('joint_states', JointState)
+    said = {3: [], 7: []}
 
-    def page(count):
-        said[count] = operator.obey({'do': 'step', 'value': count})
+    def ticks():
+        """Stamps in ticks of 2 ms."""
+        stamp = heard[-1].header.stamp
+        return stamp.sec * 500 + stamp.nanosec // 2_000_000
 
-    pages = [threading.Thread(target=page, args=(count,)) for count in (3, 7)]
-    for each in pages:
-        each.start()
-    end = time.monotonic() + LIMIT
-    while any(each.is_alive() for each in pages) and time.monotonic() < end:
-        time.sleep(0.1)  # both have sent what they may send by now
-        operator.work()
-    assert said == {3: '3', 7: '7'}
-    assert sorted(simulator.made) == [3, 7]
+    def ask(connection, act, value=None):
+        headers = {'Content-Type': 'application/json'}
+        command = json.dumps({'do': act, 'value': value})
+        connection.request('POST', '/command', command, headers)
+        return json.loads(connection.getresponse().read())
+
+    def page(connection, count):
+        for _ in range(8):
+            said[count].append(ask(connection, 'step', count))
+
+    simulator = SimulatorProcess(tmp_path, start_paused='true').wait_running()
+    with simulator, ViewProcess() as process:
+        port = urlsplit(process.url).port
+        each = {n: http.client.HTTPConnection('127.0.0.1', port, timeout=LIMIT) for n in said}
+        peer.until(lambda: ask(each[3], 'step', 1)['done'], 'services that the view has found')
+        pages = [threading.Thread(target=page, args=(each[n], n)) for n in said]
+        for thread in pages:
+            thread.start()
+        peer.until(lambda: not any(map(threading.Thread.is_alive, pages)), 'all answers')
+        peer.until(lambda: ticks() >= 1 + 8 * (3 + 7), 'all ticks')
+        for connection in each.values():
+            connection.close()
+    assert all(answer['done'] for answers in said.values() for answer in answers)
+    assert ticks() == 1 + 8 * (3 + 7)
