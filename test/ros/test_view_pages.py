@@ -3,6 +3,7 @@
 import http.client
 import json
 import threading
+from typing import Any
 from urllib.parse import urlsplit
 
 from sensor_msgs.msg import JointState
@@ -14,7 +15,7 @@ from support.view_process import ViewProcess
 def test_each_page_steps_by_its_own_count(tmp_path, peer):
     """One stepped by the count of the other, which had set it in between."""
     heard = peer.listen('joint_states', JointState)
-    said = {3: [], 7: []}
+    said: dict[int, list[dict[str, Any]]] = {3: [], 7: []}
 
     def ticks():
         """Stamps in ticks of 2 ms."""
