@@ -4,9 +4,10 @@
 
 Crank and slider of a slider-crank with friction, 2 s through four singular positions at 500 1/s,
 with noise of 2e-3 rad and m. Both begin at a mass of 1 and a friction of 0.3. MuJoCo is given the
-true start, `identify` finds it. MuJoCo closes the loop by a stiff `connect` and differentiates by
-differences. Prints for both the mean error and the scatter of the estimates, and the processor
-time of a fit. Writes benchmark/results/identification_peers.csv.
+true start and one window. `identify` is given the same (`begins='scene'`), or finds the starts of
+two windows. MuJoCo closes the loop by a stiff `connect` and differentiates by differences. Prints
+the mean error and the scatter of the estimates, and the processor time of a fit. Writes
+benchmark/results/identification_peers.csv.
 """
 
 from __future__ import annotations
@@ -42,18 +43,18 @@ BOUNDS = {'coupler.mass': [0.3, 3.0], 'pin.viscous': [0.01, 2.0]}
 JOINTS, DURATION, RATE, NOISE = ('crank_pin', 'guide'), 2.0, 500.0, 2e-3
 
 
-def ours(machine: Machine, count: int) -> list[dict[str, Any]]:
-    """Estimates of each recording."""
+def ours(machine: Machine, count: int, about: str, **options: Any) -> list[dict[str, Any]]:
+    """Estimates of each recording; about: the name of these."""
     found = []
     scene = load_scene(SLIDER_CRANK)
-    identify(scene, machine.recording(NOISE, 0), list(TRUE), window=1.0)  # compiles
+    identify(scene, machine.recording(NOISE, 0), list(TRUE), **options)  # compiles
     for seed in range(count):
         recording = machine.recording(NOISE, seed)
         begun = time.process_time()
-        fit = identify(scene, recording, list(TRUE), window=1.0)
+        fit = identify(scene, recording, list(TRUE), **options)
         spent = time.process_time() - begun
         values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-        found.append({'about': 'alf_ros', 'cpu': spent, **values})
+        found.append({'about': about, 'cpu': spent, **values})
     return found
 
 
@@ -110,7 +111,16 @@ def main() -> None:
     machine = Machine(changed(load_scene(SLIDER_CRANK), TRUE), JOINTS, DURATION, rate=RATE)
     python = str(environment(options.venv))
     found = [
-        row(ours(machine, options.recordings)),
+        row(ours(machine, options.recordings, 'alf_ros, start found', window=1.0)),
+        row(
+            ours(
+                machine,
+                options.recordings,
+                'alf_ros, start known',
+                window=DURATION,
+                begins='scene',
+            )
+        ),
         row(theirs(machine, options.recordings, python)),
     ]
     for each in found:

@@ -16,6 +16,7 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.studies.identification import robust_loss
 from alf_ros.studies.identification.candidate_motion import candidates
 from alf_ros.studies.identification.design_runs import checked_duration
+from alf_ros.studies.identification.first_starts import ANYWHERE, BEGINS
 from alf_ros.studies.identification.identification import identify
 from alf_ros.studies.identification.identified import check_folder
 from alf_ros.studies.identification.recorded_names import Topics
@@ -70,6 +71,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--delay',
         action='store_true',
         help='also fit the delay of the measurements behind the inputs',
+    )
+    parser.add_argument(
+        '--begins',
+        default=ANYWHERE,
+        choices=BEGINS,
+        help='how recordings begin, if that is known: at rest, or as the scene does at t = 0 '
+        '(default: anywhere)',
     )
     _pairs(parser, '--map', 'RECORDED=NAME', 'names in the scene of recorded joints or topics')
     parser.add_argument(
@@ -126,6 +134,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             noise={n: _number(x, '--noise') for n, x in pairs(options.noise, '--noise').items()},
             loss=options.loss,
             delay=options.delay,
+            begins=options.begins,
             topics=topics,
             report=bar.note,
         )

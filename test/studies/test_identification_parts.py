@@ -138,12 +138,12 @@ def test_a_window_is_not_run_twice_at_the_same_numbers() -> None:
     values, free = np.array([1.0]), window.chart.free
     count = free.size
     start = [(window, free)]
-    (plain,) = runs.misfits_at(values, start, 0.0, 0)
+    (plain,) = runs.misfits_at(values, start, 0.0, None)
     (whole,) = runs.misfits_at(values, start, 0.0, count)
     assert whole is not plain and np.array_equal(whole.residuals, plain.residuals)
-    assert runs.misfits_at(values, start, 0.0, 0)[0] is whole
+    assert runs.misfits_at(values, start, 0.0, None)[0] is whole
     for other in ((values, 1.01 * free, 0.0), (1.1 * values, free, 0.0), (values, free, 1e-3)):
-        (found,) = runs.misfits_at(other[0], [(window, other[1])], other[2], 0)
+        (found,) = runs.misfits_at(other[0], [(window, other[1])], other[2], None)
         assert not np.array_equal(found.residuals, plain.residuals)
     alone = runs.misfit(runs.simulation(values, count, alone=True), window, free, 0.0).jacobian
     assert np.allclose(alone, whole.jacobian[:, 2:], rtol=1e-12, atol=1e-14)

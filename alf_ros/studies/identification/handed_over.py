@@ -22,6 +22,7 @@ from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.weighed_windows import WeighedWindows
 from alf_ros.studies.identification.window import Window, begin_of
 from alf_ros.studies.identification.window_runs import WindowRuns, passed
+from alf_ros.studies.identification.window_start import SceneStart, StartChart
 
 _MOST = 60  # steps
 _GOOD = 1.0  # ½ Σ φ² of a measurement, of which noise leaves a half
@@ -44,10 +45,15 @@ def handed_over(
         track, end = tracks[window.recording], ends.pop(window.recording, None)
         if end is not None and end.step == window.first:
             track.take_up(window.first * runs.h, end)
-        begun = replace(window, chart=track.start(window.first * runs.h))
+        chart, is_known = track.start(window.first * runs.h), isinstance(window.chart, SceneStart)
+        begun = window if is_known else replace(window, chart=chart)
         try:
             cost = _begin_best(begun, weighed, shared)
-            if end is None and cost > _GOOD * sum(part.t.size for part in begun.measured):
+            if (
+                end is None
+                and not is_known
+                and cost > _GOOD * sum(part.t.size for part in begun.measured)
+            ):
                 begun = _best(runs, track, begun, weighed, shared)
             ends[window.recording] = _end(runs, begun, shared)
         except StoppedError:
@@ -67,7 +73,8 @@ def _begin_best(
     """Let a window begin as fits best, after so many steps at most; returns ½ Σ φ²."""
     fit, chart = weighed([window]), window.chart
     assert chart is not None
-    chart.free = best_starts(fit, shared, [chart.free], COARSE, most)[0]
+    if isinstance(chart, StartChart):
+        chart.free = best_starts(fit, shared, [chart.free], COARSE, most)[0]
     return costs(fit, [(window, chart.free)], shared)[0]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,15 @@ from alf_ros.studies.identification.best_starts import (
     nearer_starts,
     surest_starts,
 )
-from alf_ros.studies.identification.counted_once import check_recordings
 from alf_ros.studies.identification.dated_forces import check_delay
+from alf_ros.studies.identification.first_starts import (
+    ANYWHERE,
+    AT_REST,
+    BEGINS,
+    first_starts,
+    posture_tracks,
+)
+from alf_ros.studies.identification.given_recordings import read_all
 from alf_ros.studies.identification.handed_over import handed_over
 from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
@@ -34,10 +41,8 @@ from alf_ros.studies.identification.least_squares_fit import (
     finished,
     solve,
 )
-from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.recorded_names import Topics
 from alf_ros.studies.identification.recording import MeasuredChannel, Recording
-from alf_ros.studies.identification.recording_reader import read_recording
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.shared_numbers import (
     DELAY,
@@ -53,7 +58,7 @@ from alf_ros.studies.identification.shared_numbers import (
 from alf_ros.studies.identification.weighed_windows import WeighedWindows
 from alf_ros.studies.identification.window import Window, begin_of, cut, with_margin
 from alf_ros.studies.identification.window_residuals import WindowResiduals
-from alf_ros.studies.identification.window_runs import WindowRuns
+from alf_ros.studies.identification.window_runs import WindowRuns, WindowStart
 
 _GROWN = 0.25, 0.5, 1.0  # of a window that is lost
 _ROUNDS = 6  # fits, each with the noise that the one before has found
@@ -62,7 +67,9 @@ _BEGIN = 0.2  # of a window, from which its start is found then
 _UNFINISHED = f'{_ROUNDS} rounds were not enough: the noise or the numbers change still'
 _AT_BOUND = 1e-6  # of a bound
 _PART, _MANY = 5, 15  # of so many windows and more, one of five is fitted before all
+_HANDED, _BETTER = 3, 0.9  # times that windows are handed over anew, and ½ Σ φ² that is better
 Report = Callable[[str], None]
+_Rounds = tuple[WindowResiduals, Solution, Solution]
 
 
 def identify(
@@ -77,6 +84,7 @@ def identify(
     noise: Mapping[str, float] | None = None,
     loss: str = 'linear',
     delay: bool = False,
+    begins: str = ANYWHERE,
     topics: Topics | None = None,
     report: Report | None = None,
 ) -> Identification:
@@ -87,8 +95,10 @@ def identify(
     the windows that is kept away from the fit. bounds: (least, largest) by name; priors: (mean,
     standard deviation) by name, of independent normal distributions. noise: standard deviations by
     channel (rad or m; 'knee.velocity' per s), which the fit estimates otherwise. loss: 'linear',
-    'huber', 'soft_l1' or 'cauchy'. delay: whether the delay (s) of the measurements
-    behind the inputs is fitted too, as the number 'delay'. report: called with a line of text.
+    'huber', 'soft_l1' or 'cauchy'. delay: whether the delay (s) of the measurements behind the
+    inputs is fitted too, as the number 'delay'. begins: how each recording begins: in an unknown
+    state ('anywhere'), with a machine that stands still ('at_rest'), or in the initial state of
+    the scene, at t = 0 ('scene'). report: called with a line of text.
 
     Raises InputError for names, numbers and recordings that cannot be used, and for numbers
     without a tangent; AlfError where the scene cannot run from the recorded motion.
@@ -104,12 +114,13 @@ def identify(
         raise InputError('out of range', key='hold_out', value=part, expected='0 or more, below 1')
     choice(loss, 'loss', robust_loss.NAMES, 'no such loss')
     late = truth(delay, 'delay')
+    choice(begins, 'begins', BEGINS, 'no such start')
     limits = by_name(bounds, 'bounds', '{name: (least, largest)}')
     known = by_name(priors, 'priors', '{name: (mean, standard deviation)}')
     given = dict(by_name(noise, 'noise', '{channel: standard deviation}'))
     loaded = scene_to_fit(loaded, names)
     shared = shared_numbers(loaded, names, limits, known, late)
-    read = _recordings(recordings, loaded, topics)
+    read = read_all(recordings, loaded, topics)
     channels = [(n, channel) for n, each in enumerate(read) for channel in each.channels]
     each_channel = [channel for _, channel in channels]
     # by the numbers of motors: targets that are held in a recording act in place of these
@@ -118,11 +129,11 @@ def identify(
     windows = cut(read, channels, length, runs.h, part, widest_margin(shared, late))
     if late:
         check_delay(loaded, read)
-    windows = _tracked(runs, read, windows)
+    windows = first_starts(runs, read, windows, begins)
     levels = noise_levels.first_levels(each_channel, given)
     away = sum(w.kept_away for w in windows)
     say(f'{len(windows) - away} windows to fit, {away} kept away, {len(names)} numbers')
-    work = _Work(names, runs, channels, windows, levels, loss, given, say)
+    work = _Work(names, runs, channels, windows, levels, loss, given, say, begins == AT_REST)
     return work.identified(loaded, read, shared)
 
 
@@ -139,7 +150,9 @@ class _Work:
         loss: str,
         given: Mapping[str, float],
         say: Report,
+        at_rest: bool,
     ) -> None:
+        self._at_rest = at_rest
         self._names, self._runs, self._measured = names, runs, channels
         self._fitted = [w for w in windows if not w.kept_away]
         self._away = [w for w in windows if w.kept_away]
@@ -150,8 +163,8 @@ class _Work:
         self, scene: Scene, recordings: Sequence[Recording], shared: Shared
     ) -> Identification:
         runs = self._runs
-        self._hand_over(recordings, shared.begin)
-        before, place, solution = self._found(shared)
+        self._fitted = self._hand_over(recordings, shared.begin) or self._fitted
+        before, place, solution = self._settled(recordings, shared)
         fit = self._fit(self._fitted)
         after = self._residuals(fit, self._fitted, solution.free, solution.shared)
         held = self._fit(self._away)
@@ -180,20 +193,47 @@ class _Work:
             runs=runs,
         )
 
+    def _is_white(self, solution: Solution) -> bool:
+        """Whether nothing but noise is left of any channel."""
+        fit = self._fit(self._fitted)
+        residuals = self._residuals(fit, self._fitted, solution.free, solution.shared)
+        return all(whiteness(residuals.of(n)).white for n in range(len(self._runs.channels)))
+
     # ------------------------------------------------------------------------------------- rounds
 
-    def _hand_over(self, recordings: Sequence[Recording], shared: Floats) -> None:
-        """Begin each window where the one before ends, if joints do not tell where it begins."""
+    def _hand_over(self, recordings: Sequence[Recording], shared: Floats) -> list[Window]:
+        """The windows that are fitted, each begun where the one before ends, if joints do not tell
+        where it begins; else none."""
         windows = sorted((*self._fitted, *self._away), key=lambda w: (w.recording, w.first))
         if all(w.chart is None or w.chart.is_told for w in windows):
-            return
+            return []
         self._say('the recorded joints do not tell where windows begin: one after another')
-        tracks = [PostureTrack(self._runs.reference, each.channels) for each in recordings]
+        tracks = posture_tracks(self._runs, recordings, windows if self._at_rest else ())
         found = handed_over(self._runs, tracks, windows, self._fit, shared)
-        self._fitted = [w for w in found if not w.kept_away]
         self._away = [w for w in found if w.kept_away]
+        return [w for w in found if not w.kept_away]
 
-    def _found(self, shared: Shared) -> tuple[WindowResiduals, Solution, Solution]:
+    def _settled(self, recordings: Sequence[Recording], shared: Shared) -> _Rounds:
+        """The rounds of a fit. If something is left in the residuals, windows may begin in another
+        posture: they were handed over with other numbers. As long as those that are handed over
+        with the numbers found fit better, the fit is made again."""
+        before, place, solution = self._found(shared)
+        for _ in range(_HANDED):
+            if not solution.settled or self._is_white(solution):
+                break
+            others = self._hand_over(recordings, solution.shared)
+            own = costs(*_all(self._fit(self._fitted), solution.free), solution.shared)
+            new = costs(*_all(self._fit(others), map(_free, others)), solution.shared)
+            better = [b < _BETTER * a for a, b in zip(own, new, strict=False)]
+            if not any(better):
+                break
+            each = zip(self._fitted, solution.free, others, better, strict=True)
+            pairs = [(o, _free(o)) if is_better else (w, x) for w, x, o, is_better in each]
+            self._fitted, free = [w for w, _ in pairs], [x for _, x in pairs]
+            place, solution = self._rounds(replace(shared, begin=solution.shared), free)
+        return before, place, solution
+
+    def _found(self, shared: Shared) -> _Rounds:
         """The residuals with the given numbers, and what `_rounds` returns."""
         chosen, free = self._chosen(), [_free(w) for w in self._fitted]
         windows = [self._fitted[n] for n in chosen]
@@ -378,38 +418,10 @@ class _Work:
         return model.coordinates[model.coordinate_names.index(joint)].is_angle
 
 
-def _recordings(given: Any, scene: Scene, topics: Topics | None) -> list[Recording]:
-    one = isinstance(given, (str, Path, Recording))
-    each = [given] if one else list(given) if isinstance(given, (list, tuple)) else []
-    if not each or not all(isinstance(x, (str, Path, Recording)) for x in each):
-        raise InputError(
-            'no recording', key='recordings', value=given, expected='paths or recordings'
-        )
-    if not isinstance(topics, (Topics, type(None))):
-        raise InputError('not topics', key='topics', value=topics, expected='Topics(…)')
-    found = [
-        x if isinstance(x, Recording) else read_recording(x, scene, topics or Topics())
-        for x in each
-    ]
-    for read in found:
-        if read.begin < 0.0:
-            raise InputError(
-                'begins before the scene does',
-                file=read.name,
-                key='recordings',
-                value=f't = {read.begin:g} s',
-                expected='0 s or later',
-            )
-    check_recordings(found)
-    return found
-
-
-def _tracked(
-    runs: WindowRuns, recordings: Sequence[Recording], windows: Sequence[Window]
-) -> list[Window]:
-    """The windows with their starts."""
-    tracks = [PostureTrack(runs.reference, each.channels) for each in recordings]
-    return [replace(w, chart=tracks[w.recording].start(w.first * runs.h)) for w in windows]
+def _all(
+    fit: WeighedWindows, free: Iterable[Floats]
+) -> tuple[WeighedWindows, Sequence[WindowStart]]:
+    return fit, fit.begun(list(free))
 
 
 def _free(window: Window) -> Floats:

@@ -41,11 +41,16 @@ _FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
 
 class PostureTrack:
     """Follows the positions and velocities of channels (of one recording), from the start of a
-    scene on."""
+    scene on. at_rest (s): when the machine stands still, if that is known."""
 
-    def __init__(self, simulation: Simulation, channels: Sequence[MeasuredChannel]) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        channels: Sequence[MeasuredChannel],
+        at_rest: float | None = None,
+    ) -> None:
         state, model = simulation.state, simulation.model
-        self._model = model
+        self._model, self._at_rest = model, at_rest
         names = list(model.coordinate_names)
         self._of = [(names.index(c.joint), c) for c in channels if c.kind == 'position']
         self._rates = {names.index(c.joint): c for c in channels if c.kind == 'velocity'}
@@ -88,7 +93,8 @@ class PostureTrack:
         own = self._rate_of(moved)
         moved[:n] += Z @ _least(motion.dx[0] @ Z, rate - own)
         moves, speeds = (motion.dx[0] / each[:, None] for each in self._usual)
-        return StartChart(self._model, t, whole, moved, self._turns.copy(), moves, speeds)
+        turns, at_rest = self._turns.copy(), t == self._at_rest
+        return StartChart(self._model, t, whole, moved, turns, moves, speeds, at_rest)
 
     def take_up(self, t: float, state: State) -> None:
         """Continue from a state of the mechanism at t (s), where joints leave it open."""

@@ -59,7 +59,7 @@ class WeighedWindows:
         """Of some windows with their starts. Raises AlfError."""
         delay, values = self._split(shared)
         most = max((w.chart.free.size for w in self.windows if w.chart is not None), default=0)
-        return self._runs.misfits_at(values, starts, delay, most if differentiated else 0)
+        return self._runs.misfits_at(values, starts, delay, most if differentiated else None)
 
     def linearised(self, free: Sequence[Floats], shared: Floats) -> list[Misfit]:
         """Of all windows, with jacobians: the last ones, with the secants since, if these hold.

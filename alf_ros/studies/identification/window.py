@@ -15,7 +15,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.studies.identification.recording import HeldInput, MeasuredChannel, Recording
-from alf_ros.studies.identification.window_start import StartChart
+from alf_ros.studies.identification.window_start import SceneStart, StartChart
 
 _FEWEST = 4  # measurements of a channel in a window
 _ON = 1e-9  # of a step: a time that near is on it
@@ -34,7 +34,7 @@ class Measurements:
 class Window:
     """Steps `first` to `last` of one recording; `inputs`: by step, those held before included.
 
-    `kept_away`: for the hold-out error, not for the fit. `chart`: its free start.
+    `kept_away`: for the hold-out error, not for the fit. `chart`: its start.
     """
 
     recording: int
@@ -43,7 +43,7 @@ class Window:
     measured: tuple[Measurements, ...]
     inputs: tuple[tuple[int, HeldInput], ...]
     kept_away: bool = False
-    chart: StartChart | None = None
+    chart: StartChart | SceneStart | None = None
 
 
 def begin_of(window: Window, part: float, h: float) -> Window:

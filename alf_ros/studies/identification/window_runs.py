@@ -32,6 +32,7 @@ from alf_ros.studies.identification.joint_readings import JointMotion, JointRead
 from alf_ros.studies.identification.posture_track import wrapped
 from alf_ros.studies.identification.recording import MeasuredChannel
 from alf_ros.studies.identification.window import Measurements, Window, below, grid
+from alf_ros.studies.identification.window_start import SceneStart
 
 _LONGEST = 5e-3  # s, between two steps of an adaptive method
 WindowStart = tuple[Window, Floats]  # a window and the free numbers of its start
@@ -80,7 +81,7 @@ class WindowRuns:
             self.reference = Simulation(scene, **self._settings, tangents=self.names)
         self.h = self.reference.h
         self._measured = sorted({self._joints.index(each.joint) for each in self.channels})
-        self._known: dict[tuple[int, bool], tuple[tuple[float, ...], list[Simulation]]] = {}
+        self._known: dict[tuple[int | None, bool], tuple[tuple[float, ...], list[Simulation]]] = {}
         self._found: dict[Any, tuple[Any, Misfit]] = {}  # the last of a window
         self._secants: dict[Any, tuple[Any, Misfit]] = {}  # behind its last jacobian
 
@@ -94,20 +95,22 @@ class WindowRuns:
         changes = {n: repr(float(x)) for n, x in zip(self.names, values, strict=True)}
         return overrides.with_changes(self.scene, changes, prefix='fit ')
 
-    def simulation(self, values: Floats, directions: int = 0, alone: bool = False) -> Simulation:
+    def simulation(
+        self, values: Floats, directions: int | None = None, alone: bool = False
+    ) -> Simulation:
         """The scene with values of `names`; `directions`: how many free numbers of a start are
-        followed beside the names, 0 for a run without tangents; `alone`: without the names.
+        followed beside the names, None for a run without tangents; `alone`: without the names.
         Raises AlfError."""
         return self._crew(values, directions, alone, 1)[0]
 
     def _crew(
-        self, values: Floats, directions: int, alone: bool, count: int
+        self, values: Floats, directions: int | None, alone: bool, count: int
     ) -> Sequence[Simulation]:
         """So many of them, for as many threads."""
         key, kind = tuple(float(x) for x in values), (directions, alone)
         if kind not in self._known or self._known[kind][0] != key:
-            tangents = [f'state.{k}' for k in range(directions)]
-            if directions and not alone:
+            tangents = [f'state.{k}' for k in range(directions or 0)]
+            if directions is not None and not alone:
                 tangents = [*self.names, *tangents]
             last = self._known[kind][1][0] if kind in self._known else self.reference
             with argument_of('fit', 'tangents'), form_of(self.reference.model.layout.asked):
@@ -127,18 +130,18 @@ class WindowRuns:
             raise InputError(text, key=f'fit {", ".join(self.names)}', value=values)
 
     def misfits_at(
-        self, values: Floats, starts: Sequence[WindowStart], delay: float, directions: int
+        self, values: Floats, starts: Sequence[WindowStart], delay: float, directions: int | None
     ) -> list[Misfit]:
         """Of windows with their starts, of the scene with values of `names`, on all cores. The
         last one of a window is kept, as a fit asks for some again, with other noise. `directions`:
-        0 for no jacobian. Raises AlfError."""
+        None for no jacobian. Raises AlfError."""
         kept = [self._kept(values, *each, delay, directions) for each in starts]
         missing = [each for each, known in zip(starts, kept, strict=True) if known is None]
         made = iter(self._run(values, missing, delay, directions, alone=False))
         found = [next(made) if known is None else known for known in kept]
         for (window, free), each in zip(starts, found, strict=True):
-            self._found[_place(window), directions > 0] = _at(values, delay, free), each
-            if directions:
+            self._found[_place(window), directions is not None] = _at(values, delay, free), each
+            if directions is not None:
                 self._secants.pop(_place(window), None)
         return found
 
@@ -154,7 +157,7 @@ class WindowRuns:
         values: Floats,
         starts: Sequence[WindowStart],
         delay: float,
-        directions: int,
+        directions: int | None,
         alone: bool,
     ) -> list[Misfit]:
         if not starts:
@@ -174,10 +177,10 @@ class WindowRuns:
         return [found[n] for n in range(len(starts))]
 
     def _kept(
-        self, values: Floats, window: Window, free: Floats, delay: float, directions: int
+        self, values: Floats, window: Window, free: Floats, delay: float, directions: int | None
     ) -> Misfit | None:
         at = _at(values, delay, free)
-        for differentiated in (True, False) if not directions else (True,):
+        for differentiated in (True, False) if directions is None else (True,):
             known = self._found.get((_place(window), differentiated))
             if known is not None and known[0] == at:
                 return known[1]
@@ -234,6 +237,9 @@ class WindowRuns:
     ) -> State:
         """The same with the derivatives of the start by the numbers, and by the free ones."""
         assert window.chart is not None
+        if isinstance(window.chart, SceneStart):
+            simulation.reset()
+            return replace(simulation.state, pace=self.h, inputs=NO_INPUTS)
         start = window.chart.start(simulation.model, free, numbers)
         state = simulation.state
         first = np.zeros_like(state.tangents).reshape(-1, 2, start.q.size)

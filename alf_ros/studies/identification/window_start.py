@@ -14,7 +14,7 @@ has turned: its turn is no free number, and stays as in q₀.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -109,7 +109,7 @@ class StartChart:
     """The free numbers of a state beside q₀, q̇₀ (blocks D) at t (s); turns (angles,).
 
     moves, speeds (rows, n): priors; a displacement of q from q₀, and q̇, give normal numbers of
-    deviation 1.
+    deviation 1. at_rest: ν = 0, which is no free number then.
     """
 
     def __init__(
@@ -121,6 +121,7 @@ class StartChart:
         turns: Integers,
         moves: Floats | None = None,
         speeds: Floats | None = None,
+        at_rest: bool = False,
     ) -> None:
         rows, n = DenseRows(model, t), model.n
         self.t, self.q, self.turns = t, q, turns
@@ -132,11 +133,12 @@ class StartChart:
             np.asarray((M @ np.hstack([Y, turns_of_rotors])).T),
             np.asarray((M @ Z).T),
         )
-        self.positions, self.velocities = Y.shape[1], Z.shape[1]
-        self.free = np.concatenate([np.zeros(self.positions), self._going @ qd[:n]])
+        self.positions, self.velocities = Y.shape[1], 0 if at_rest else Z.shape[1]
+        nu = (self._going @ qd[:n])[: self.velocities]
+        self.free = np.concatenate([np.zeros(self.positions), nu])
         nothing = np.zeros((0, n))
         near = (nothing if moves is None else moves) @ Y
-        slow = (nothing if speeds is None else speeds) @ Z
+        slow = (nothing if speeds is None or at_rest else speeds) @ Z[:, : self.velocities]
         self.known = block_diag(near, slow)  # (rows, free numbers): priors
         told = int(np.linalg.matrix_rank(near)) if near.size else 0
         self.is_told = moves is None or told == self.positions  # whether joints tell where it is
@@ -148,8 +150,9 @@ class StartChart:
         derivatives, s and ν behind them; None for no derivatives. Raises AssemblyError where
         there is no such state."""
         rows, n = DenseRows(model, self.t), model.n
-        s, nu = free[: self.positions], free[self.positions :]
-        s = np.concatenate([s, np.zeros(self._rotors)])
+        s = np.concatenate([free[: self.positions], np.zeros(self._rotors)])
+        nu = np.zeros(len(self._going))
+        nu[: self.velocities] = free[self.positions :]
         q, rates = rows.placed(self.q)
         gap = np.inf
         for _ in range(_MOST):
@@ -195,5 +198,14 @@ class StartChart:
         dq[P : P + g, :n] = position[:, binding : binding + g].T
         open_velocities = bent @ dq.T + widened + J[:, n:] @ dqd[:, n:].T
         dqd[:, :n] = -(velocity[:, : len(rows.binds)] @ open_velocities).T
-        dqd[P + g :, :n] += velocity[:, len(rows.binds) :].T
+        dqd[P + g :, :n] += velocity[:, len(rows.binds) : len(rows.binds) + f].T
         return dq, dqd
+
+
+@dataclass(frozen=True, eq=False)
+class SceneStart:
+    """The initial state of the scene, whatever its numbers: it has no free numbers."""
+
+    free: Floats = field(default_factory=lambda: np.zeros(0))
+    known: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    is_told: bool = True
