@@ -24,6 +24,7 @@ from alf_ros.studies.identification.robust_loss import NAMES, rooted, spread
 from alf_ros.studies.identification.shared_numbers import Shared
 from alf_ros.studies.identification.window import Window, cut
 from alf_ros.studies.identification.window_runs import WindowRuns
+from alf_ros.studies.identification.window_start import StartChart
 from support.recordings import Machine, changed, pushes
 
 
@@ -178,7 +179,7 @@ def test_turns_of_rotors_are_no_free_numbers() -> None:
         runs = WindowRuns(scene, ['upper.mass'], channels, delay=False)
         (window,) = tracked(runs, machine, 0.3, margin=0.0)
         chart = window.chart
-        assert chart is not None and chart.is_told
+        assert isinstance(chart, StartChart) and chart.is_told
         assert (chart.positions, chart.velocities) == (2, 2)
         simulation = runs.simulation(np.ones(1), 4)
         J = runs.misfit(simulation, window, chart.free, 0.0).jacobian
