@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ def test_a_start_as_in_the_scene_leaves_only_the_numbers(joints: tuple[str, ...]
     assert found.settled and all(start.size == 0 for start in found.starts)
 
 
-def test_less_that_is_free_tells_more() -> None:
+def test_less_that_is_free_tells_more(tmp_path: Path) -> None:
     """At rest only the angle of the crank is free, of the first window alone."""
     machine = Machine(changed(load_scene(FALLING), TRUE), ('crank_pin', 'guide'), 0.6)
     free, deviations = [], []
@@ -68,6 +69,8 @@ def test_less_that_is_free_tells_more() -> None:
         deviations.append(found.deviations)
         assert (np.abs(found.values - list(TRUE.values())) < 4.0 * found.deviations).all()
     assert free == [[2, 2], [1, 2], [0, 2]]
+    report = found.save(tmp_path / 'report') / 'report.html'
+    assert 'as the scene does, as was said' in report.read_text('utf-8')
     assert (deviations[1] < deviations[0]).all() and (deviations[2] < deviations[1]).all()
 
 

@@ -133,7 +133,7 @@ def identify(
     levels = noise_levels.first_levels(each_channel, given)
     away = sum(w.kept_away for w in windows)
     say(f'{len(windows) - away} windows to fit, {away} kept away, {len(names)} numbers')
-    work = _Work(names, runs, channels, windows, levels, loss, given, say, begins == AT_REST)
+    work = _Work(names, runs, channels, windows, levels, loss, given, say, begins)
     return work.identified(loaded, read, shared)
 
 
@@ -150,9 +150,9 @@ class _Work:
         loss: str,
         given: Mapping[str, float],
         say: Report,
-        at_rest: bool,
+        begins: str,
     ) -> None:
-        self._at_rest = at_rest
+        self._begins = begins
         self._names, self._runs, self._measured = names, runs, channels
         self._fitted = [w for w in windows if not w.kept_away]
         self._away = [w for w in windows if w.kept_away]
@@ -190,6 +190,7 @@ class _Work:
             bounds=np.column_stack([shared.lower, shared.upper]),
             at_bounds=_at_bounds(shared, solution.shared, names),
             trouble=after.trouble,
+            begins=self._begins,
             runs=runs,
         )
 
@@ -208,7 +209,7 @@ class _Work:
         if all(w.chart is None or w.chart.is_told for w in windows):
             return []
         self._say('the recorded joints do not tell where windows begin: one after another')
-        tracks = posture_tracks(self._runs, recordings, windows if self._at_rest else ())
+        tracks = posture_tracks(self._runs, recordings, windows if self._begins == AT_REST else ())
         found = handed_over(self._runs, tracks, windows, self._fit, shared)
         self._away = [w for w in found if w.kept_away]
         return [w for w in found if not w.kept_away]

@@ -16,9 +16,11 @@ from alf_ros.errors import printable
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.ensemble import report_look, svg_charts
 from alf_ros.studies.identification.experiment_design import ExperimentDesign, untold
+from alf_ros.studies.identification.first_starts import ANYWHERE, AS_SCENE, AT_REST
 from alf_ros.studies.identification.identified import ChannelFit, Identification, rounded
 
 _MOST_CHANNELS = 40
+_BEGIN = {AT_REST: 'at rest, as was said', AS_SCENE: 'as the scene does, as was said'}
 _ONE = 'A deviation of 1 % says that the combination is known to 1 % of the numbers in it.'
 _WHITE = (
     'Durbin-Watson is 2 for white noise. The other two are probabilities, for white noise, of '
@@ -66,6 +68,8 @@ def _about(found: Identification) -> str:
         ('evaluations', str(found.evaluations)),
         ('ended', found.reason if found.settled else f'not settled: {found.reason}'),
     ]
+    if found.begins != ANYWHERE:
+        rows.append(('recordings begin', _BEGIN[found.begins]))
     if found.trouble:
         rows.append(('not resolved', found.trouble))
     rows += [('inputs', told) for told in found.beside_inputs]

@@ -74,8 +74,9 @@ class Identification:
     a deviation from the values or less. `scene` as it was, `fitted_scene` with the new numbers.
     `settled`: whether the fit ended by itself, `reason`: why it did. bounds (P, 2): least and
     largest values, infinite without one; `at_bounds`: numbers that ended at one. `trouble`: steps
-    of the runs that are too long, in words; empty if all are resolved. starts: free numbers of
-    each fitted window, of which `windows` has the meaning.
+    of the runs that are too long, in words; empty if all are resolved. begins: how recordings
+    were said to begin. starts: free numbers of each fitted window, of which `windows` has the
+    meaning.
     """
 
     scene: Scene
@@ -96,6 +97,7 @@ class Identification:
     bounds: Floats
     at_bounds: tuple[str, ...]
     trouble: str
+    begins: str
     runs: WindowRuns = field(repr=False)
 
     @property
