@@ -17,7 +17,7 @@ from alf_ros.model.compile import Model
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.model.quadratic_cones import echelon
 from alf_ros.model.singular_branches import Branch, Position
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource, load_scene
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.start import assembled
 
@@ -101,19 +101,18 @@ class Branches:
         }
 
 
-def branches(at: Scene | Simulation) -> Branches:
+def branches(at: SceneSource | Simulation) -> Branches:
     """The branches at the present position of a Simulation, or where a scene starts.
 
     The velocities do not matter. Raises InputError, with the distance σ, for a position that is
     not singular; with the names of the rows if these are redundant everywhere.
     """
-    if isinstance(at, Scene):
-        found = assembled(at, at.solver)
-        model, q, dependent, t = found.model, found.q, found.dependent_rows, 0.0
-    elif isinstance(at, Simulation):
+    if isinstance(at, Simulation):
         model, q, dependent, t = at.model, at.state.q, at.dependent_rows, at.t
     else:
-        raise InputError('no scene', key='at', value=at, expected='a Scene or a Simulation')
+        scene = load_scene(at)
+        found = assembled(scene, scene.solver)
+        model, q, dependent, t = found.model, found.q, found.dependent_rows, 0.0
     here = singular_branches.position(model, q, t)
     is_smooth = here.kind == singular_branches.SMOOTH
     if len(here.lost) > dependent or not is_smooth or (dependent and not _is_finite(here)):

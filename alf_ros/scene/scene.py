@@ -215,13 +215,17 @@ def _names(parts: Collection[Any]) -> str:
     return ', '.join(part.name for part in islice(parts, html_table.MOST_ROWS))
 
 
+SceneSource = Scene | str | Path | Mapping[str, Any]  # what a scene is loaded from, or one
+
+
 @paused()
 def load_scene(
-    source: str | Path | Mapping[str, Any],
+    source: SceneSource,
     parameters: Mapping[str, float] | None = None,
     code: bool = True,
 ) -> Scene:
-    """The scene of a name under config/scenes, a YAML file, or a mapping with a scene's keys.
+    """The scene of a name under config/scenes, a YAML file, or a mapping with a scene's keys; a
+    Scene itself.
 
     `parameters` replaces parameters of the mechanism, also those that the scene sets. `code`
     False: refused if it names an effect in a file that has not run in this process before.
@@ -231,6 +235,12 @@ def load_scene(
         raise InputError(
             'no parameters by name', key='parameters', value=parameters, expected='a mapping'
         )
+    if isinstance(source, Scene):
+        if parameters:
+            names = ', '.join(parameters)
+            expected = 'its name, file or mapping'
+            raise InputError('it is loaded', key='parameters', value=names, expected=expected)
+        return source
     if isinstance(source, Mapping):
         return _read_scene(as_entry(source), 'scene', References(code=code), parameters)
     if not isinstance(source, (str, os.PathLike)):

@@ -18,7 +18,7 @@ from alf_ros.mechanism.form_of_rows import form_of, whole_form
 from alf_ros.model.compile import Model
 from alf_ros.model.singular_branches import Branch, Position
 from alf_ros.resources import version
-from alf_ros.scene.scene import Scene, Solver, joined
+from alf_ros.scene.scene import SceneSource, Solver, joined, load_scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.adjoint_following import AdjointFollowing
@@ -48,7 +48,7 @@ from alf_ros.simulation.work_ledger import named_accounts
 
 
 class Simulation:
-    """A scene, stepped.
+    """A scene, stepped: a Scene, or what `load_scene` takes.
 
     Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
     `penalty` (α without dimension; alf2 uses 1e6 at least, and in soft mechanisms, such as long
@@ -75,7 +75,7 @@ class Simulation:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: SceneSource,
         *,
         step: float | None = None,
         integrator: str | None = None,
@@ -98,8 +98,7 @@ class Simulation:
             'tolerance': tolerance,
             'accuracy': accuracy,
         }
-        if not isinstance(scene, Scene):
-            raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
+        scene = load_scene(scene)
         if like is not None and not isinstance(like, Simulation):
             raise InputError('not a simulation', key='like', value=like, expected='Simulation(…)')
         watches, self.ledger = check.truth(watch, 'watch'), check.truth(ledger, 'ledger')

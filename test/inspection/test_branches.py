@@ -191,8 +191,10 @@ def test_where_a_motion_with_more_freedoms_begins() -> None:
 def test_no_such_branch() -> None:
     with pytest.raises(InputError, match="no such branch, got '3'"):
         branches(upright())['3']
-    with pytest.raises(InputError, match='no scene'):
-        branches('slider_crank')  # type: ignore[arg-type]
+    with pytest.raises(InputError, match='not in a singular position'):
+        branches('slider_crank')
+    with pytest.raises(InputError, match='not a scene'):
+        branches(5)  # type: ignore[arg-type]
 
 
 # -------------------------------------------------------------------------------------- in `check`

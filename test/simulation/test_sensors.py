@@ -310,7 +310,7 @@ def test_an_imu_needs_an_orientation() -> None:
 
 def test_only_a_scene_has_sensors() -> None:
     with pytest.raises(InputError, match='scene: not a scene'):
-        Sensors('four_bar')  # type: ignore[arg-type]
+        Sensors(Simulation(load_scene('four_bar')))  # type: ignore[arg-type]
 
 
 def test_the_text_of_a_scene_has_its_sensors() -> None:

@@ -681,7 +681,7 @@ def test_none_is_said_in_one_line() -> None:
 
 def test_refused() -> None:
     with pytest.raises(InputError, match='not a scene'):
-        equilibrium('slider_crank')  # type: ignore[arg-type]
+        equilibrium(5)  # type: ignore[arg-type]
     with pytest.raises(InputError, match='t: '):
         equilibrium(chain(1), t=float('nan'))
     with pytest.raises(InputError, match='starts'):

@@ -352,7 +352,7 @@ def test_refused() -> None:
         with pytest.raises(InputError, match='(start|end): not usable.*1e-60'):
             equilibrium_path(sprung('four_bar'), over='crank_pin.effort', start=start, end=end)
     with pytest.raises(InputError, match='not a scene'):
-        equilibrium_path('four_bar', over='t', end=1.0)  # type: ignore[arg-type]
+        equilibrium_path(1.0, over='t', end=1.0)  # type: ignore[arg-type]
     with pytest.raises(InputError, match='two ends'):
         equilibrium_path(arch(0.5), over='load.force.1', end=0.0)
     with pytest.raises(InputError, match='same side'):

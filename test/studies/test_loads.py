@@ -359,7 +359,8 @@ def rolled(speed: str) -> Scene:
     ('call', 'words'),
     [
         (lambda: loads(load_scene('four_bar'), times=[0.0]), 'the scene has no drives'),
-        (lambda: loads('crank', times=[0.0]), 'not a motion'),  # type: ignore[arg-type]
+        (lambda: loads('crank', times=[0.0]), 'no scene of this name'),
+        (lambda: loads(1, times=[0.0]), 'not a scene'),  # type: ignore[arg-type]
         (lambda: loads(crank(), [], times=[0.0]), 'no actuators'),
         (lambda: loads(crank(), ['kne'], times=[0.0]), "got 'kne'"),
         (lambda: loads(crank(), ['knee', 'knee'], times=[0.0]), 'given twice'),

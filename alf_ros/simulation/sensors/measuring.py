@@ -12,9 +12,8 @@ import numpy as np
 
 from alf_ros import effects
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Coordinate
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import Scene, SceneSource, load_scene
 from alf_ros.scene.sensors_section import Sensor
 from alf_ros.simulation.display_geometry import in_space
 from alf_ros.simulation.kinematics import Kinematics
@@ -33,9 +32,8 @@ class Sensors:
     `forget` them where another run begins, as with `Simulation.restore`.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        if not isinstance(scene, Scene):
-            raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
+    def __init__(self, scene: SceneSource) -> None:
+        scene = load_scene(scene)
         self.sensors: Mapping[str, Sensor] = {each.label: each for each in scene.sensors}
         self._measures = {
             label: _MEASURES[sensor.kind](scene, sensor) for label, sensor in self.sensors.items()

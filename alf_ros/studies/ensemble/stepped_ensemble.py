@@ -60,7 +60,7 @@ class Ensemble:
         **settings: Any,
     ) -> None:
         self.steps = check.whole(steps, 'steps', 1)
-        loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+        loaded = load_scene(scene)
         self._varied = vary is not None
         drawn: list[str] = []
         if vary is not None:

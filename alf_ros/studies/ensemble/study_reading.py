@@ -57,7 +57,7 @@ def study_of(
 ) -> Study:
     """The study of these values; `alf_ros.ensemble` explains them. Without a `chunk` it has the
     one of an earlier `store`. Raises InputError."""
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    loaded = load_scene(scene)
     table = None
     if isinstance(vary, (str, Path)):
         table = varied_table.read(paths.named(vary, 'vary'))

@@ -105,7 +105,7 @@ def identify(
     """
     say = report or _silent
     names = names_to_fit(fit)
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    loaded = load_scene(scene)
     length = number(window, 'window', 0.0)
     part = number(hold_out, 'hold_out', 0.0)
     if not length > 0.0:

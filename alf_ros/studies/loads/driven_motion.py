@@ -23,13 +23,9 @@ _STEP = 1e-3  # s: never taken
 
 
 def moving(motion: Scene | Simulation) -> Simulation:
-    """A simulation of one's own that makes the motion. Raises InputError for something else."""
+    """A simulation of one's own that makes the motion. Raises InputError without drives."""
     if isinstance(motion, Simulation):
         return copy.copy(motion)
-    if not isinstance(motion, Scene):
-        raise InputError(
-            'not a motion', key='motion', value=motion, expected='a scene with drives'
-        )
     if not motion.mechanism.drives:
         raise InputError(
             'the scene has no drives', key='motion', expected='drives, or a Simulation that moves'

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource, load_scene
 from alf_ros.simulation.input_checks import by_name, is_number, number, texts, whole
 from alf_ros.simulation.packed_effects import kinds_of
 from alf_ros.simulation.simulation import Simulation
@@ -64,7 +64,7 @@ class FastestRun:
 
 
 def fastest(
-    path: Scene,
+    path: SceneSource,
     limits: Mapping[str, float | Sequence[float]],
     *,
     length: float,
@@ -82,8 +82,7 @@ def fastest(
     Raises InputError for what cannot be used, with friction that depends on reactions, if the
     actuators cannot follow the path, or limits are too small to hold the mechanism on it.
     """
-    if not isinstance(path, Scene):
-        raise InputError('not a path', key='path', value=path, expected='a scene with drives')
+    path = load_scene(path)
     names, low, high = _limits(limits)
     length = number(length, 'length', 0.0)
     if length == 0.0:

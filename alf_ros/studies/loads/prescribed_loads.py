@@ -11,7 +11,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource, load_scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.input_checks import by_name, number, texts
 from alf_ros.simulation.sample import Sample
@@ -26,7 +26,7 @@ _ROUNDS = 100  # of efforts and loads of friction
 
 
 def loads(
-    motion: Scene | Simulation,
+    motion: SceneSource | Simulation,
     actuators: Sequence[str] | None = None,
     *,
     times: Sequence[float] | Floats,
@@ -48,6 +48,7 @@ def loads(
     Raises InputError for names and numbers that cannot be used, and if friction and efforts find
     no balance.
     """
+    motion = motion if isinstance(motion, Simulation) else load_scene(motion)
     simulation = moving(motion)
     begin = copy.copy(simulation)
     names = _actuators(simulation, actuators)

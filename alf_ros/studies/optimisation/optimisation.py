@@ -61,7 +61,7 @@ def optimise(
     Gradients are exact: of tangents of the run, or, where drives decide on the motion, of the
     constraints. Raises InputError for what cannot be used, and AlfError if every start fails.
     """
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    loaded = load_scene(scene)
     numbers = design_numbers(loaded, vary)
     _check_within(numbers)
     simulation = Simulation(loaded)

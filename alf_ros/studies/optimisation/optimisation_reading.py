@@ -72,7 +72,7 @@ def read_study(source: str | Path, **changes: Any) -> StudyFile:
     scene = scene_of(fields['scene'], path.parent)
     given.update({key: value for key, value in changes.items() if value is not None})
     try:
-        loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+        loaded = load_scene(scene)
         return StudyFile(path, fields, loaded, given)
     except InputError as error:
         raise _of_file(error, path, fields) from None

@@ -19,7 +19,7 @@ from alf_ros.inspection.run import Run
 from alf_ros.logs.progress import Report, silent
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.rotors import rotor_blocks
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource, load_scene
 from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST
 from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.named_values import NamedValues
@@ -274,7 +274,7 @@ class EquilibriumPath:
 
 
 def equilibrium_path(
-    scene: Scene | Simulation,
+    scene: SceneSource | Simulation,
     *,
     over: str,
     end: float,
@@ -340,10 +340,8 @@ def _value(given: float, key: str) -> float:
     return value
 
 
-def _at_rest(scene: Scene) -> Simulation:
-    if not isinstance(scene, Scene):
-        raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
-    return Simulation(scene.at_rest())
+def _at_rest(scene: SceneSource) -> Simulation:
+    return Simulation(load_scene(scene).at_rest())
 
 
 def _metric(model: Model) -> Sparse:

@@ -20,7 +20,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.model.carried_positions import blocks_of
 from alf_ros.model.constraints.rotors import without_rotors
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource
 from alf_ros.simulation.input_checks import number
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -100,7 +100,7 @@ class FloquetModel:
         return STABLE if (grown < -doubt).all() else NEUTRAL
 
 
-def floquet(about: Scene | Simulation, *, period: float) -> FloquetModel:
+def floquet(about: SceneSource | Simulation, *, period: float) -> FloquetModel:
     """The monodromy matrix and the Floquet multipliers of the periodic motion that begins at the
     present of a simulation, or where a scene starts.
 
@@ -111,8 +111,6 @@ def floquet(about: Scene | Simulation, *, period: float) -> FloquetModel:
     nothing is free; in a singular position; where tangents are refused (see
     `Simulation(tangents=…)`); and for more than 1200 coordinates.
     """
-    if not isinstance(about, Scene | Simulation):
-        raise InputError('not a scene', key='about', value=about, expected='load_scene(…)')
     period = number(period, 'period')
     if not period > 0.0:
         raise InputError('not usable', key='period', value=period, expected='more than 0 s')

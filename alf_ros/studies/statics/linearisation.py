@@ -26,7 +26,7 @@ from alf_ros.inspection.run import Run
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.carried_positions import blocks_of
 from alf_ros.model.singular_branches import SMOOTH, position
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource
 from alf_ros.simulation.input_checks import texts
 from alf_ros.simulation.named_inputs import NamedInput, named_inputs
 from alf_ros.simulation.quantities import open_components
@@ -59,7 +59,7 @@ _MOVING = (
 
 
 def linearise(
-    about: Scene | Simulation | Equilibrium,
+    about: SceneSource | Simulation | Equilibrium,
     *,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] | None = None,
@@ -129,7 +129,9 @@ def linearise(
     )
 
 
-def _instant_of(about: Scene | Simulation | Equilibrium) -> tuple[Simulation, State, float]:
+def _instant_of(
+    about: SceneSource | Simulation | Equilibrium,
+) -> tuple[Simulation, State, float]:
     if isinstance(about, Simulation):
         return copy.copy(about), about.state, about.t
     rest = about if isinstance(about, Equilibrium) else equilibrium(about)

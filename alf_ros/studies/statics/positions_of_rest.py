@@ -23,7 +23,7 @@ from alf_ros.model.constraints.rotors import without_rotors
 from alf_ros.model.handedness import Handedness
 from alf_ros.model.prescribed import driven_angles, prescribe
 from alf_ros.model.singular_branches import SMOOTH, position
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource, load_scene
 from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.sample import JointState, Reaction, Sample
 from alf_ros.simulation.simulation import Simulation
@@ -123,7 +123,7 @@ class Equilibrium:
 
 
 def equilibrium(
-    scene: Scene | Simulation, *, t: float | None = None, nearest: bool = False
+    scene: SceneSource | Simulation, *, t: float | None = None, nearest: bool = False
 ) -> Equilibrium:
     """Where a scene rests under its effects, from where it starts; or a simulation, from its
     present, under its effects and held inputs.
@@ -145,7 +145,7 @@ def equilibrium(
 
 
 def equilibria(
-    scene: Scene | Simulation,
+    scene: SceneSource | Simulation,
     *,
     starts: int = 20,
     seed: int = 0,
@@ -212,14 +212,12 @@ def _is_same(size: float, which: Chosen, one: Equilibrium, other: Equilibrium) -
     return bool((np.abs(counts[0] - counts[1]) < math.pi).all())
 
 
-def beginning(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, Instant]:
+def beginning(scene: SceneSource | Simulation, t: float | None) -> tuple[Simulation, Instant]:
     """A simulation of one's own, and its present at rest with drives at t (s)."""
     if isinstance(scene, Simulation):
         simulation = copy.copy(scene)
-    elif isinstance(scene, Scene):
-        simulation = Simulation(scene.at_rest())
     else:
-        raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
+        simulation = Simulation(load_scene(scene).at_rest())
     state, now = simulation.state, simulation.t
     q, turns = state.q, state.turns
     if t is not None:

@@ -21,7 +21,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.model.mass import mass_of
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource
 from alf_ros.simulation.input_checks import whole
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
@@ -120,7 +120,7 @@ class VibrationModes:
         return stored
 
 
-def modes(about: Scene | Simulation | Equilibrium, *, count: int = 20) -> VibrationModes:
+def modes(about: SceneSource | Simulation | Equilibrium, *, count: int = 20) -> VibrationModes:
     """The `count` lowest modes about the position of rest of a scene, or about a position of rest
     that was found, or about the present position of a simulation, which must be one.
 
