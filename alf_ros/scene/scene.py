@@ -183,6 +183,10 @@ class Scene:
         """SHA-256 of the text, hexadecimal."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
+    def __repr__(self) -> str:
+        parts = len(self.mechanism.bodies), len(self.mechanism.joints), len(self.effects)
+        return '<Scene {}: {} bodies, {} joints, {} effects>'.format(self.name, *parts)
+
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
         mechanism, solver = self.mechanism, self.solver

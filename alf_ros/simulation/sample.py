@@ -429,6 +429,10 @@ class Sample(Dynamics):
 
     # ---------------------------------------------------------------------------------- a notebook
 
+    def __repr__(self) -> str:
+        joints = len(self.model.coordinate_names)
+        return f'<Sample at t = {self.t:.9g} s, {joints} joint coordinates>'
+
     def _repr_html_(self) -> str:
         """HTML for a notebook: it computes energy, joint coordinates and reactions."""
         try:

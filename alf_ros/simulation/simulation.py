@@ -460,6 +460,11 @@ class Simulation:
         state = check.checked_state(model, effects, state, self._initial, self.accounts)
         self._run.enter(state.counted(self.h))
 
+    def __repr__(self) -> str:
+        solver = self.solver
+        how = f'{solver.integrator} at {solver.step:g} s'
+        return f'<Simulation of {self.scene.name}, t = {self.t:.9g} s, {how}>'
+
     @by_one_thread
     def reset(self) -> None:
         """Back to the initial state, no inputs held."""

@@ -39,6 +39,9 @@ class State:
     sums: Floats = field(default_factory=lambda: np.zeros(0))
     h: float = 0.0
 
+    def __repr__(self) -> str:
+        return f'<State at step {self.step}, {self.q.size} coordinates>'
+
     def moved(self, q: Floats, qd: Floats, turns: Integers) -> State:
         """The same at another place (blocks D, m, m/s), where gears and the like now mesh."""
         return replace(self, q=q, qd=qd, turns=turns, sums=np.zeros(0))

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from alf_ros import (
+    Closure,
     Ensemble,
     InputError,
     Simulation,
@@ -24,6 +25,7 @@ from alf_ros import (
     load_scene,
     loads,
     modes,
+    recorded,
 )
 from alf_ros.simulation.sensors import Sensors
 
@@ -79,3 +81,19 @@ def test_a_loaded_scene_is_itself() -> None:
     assert load_scene(scene) is scene
     with pytest.raises(InputError, match="parameters: it is loaded, got 'a'"):
         load_scene(scene, {'a': 1.0})
+
+
+def test_a_terminal_shows_each_in_a_line() -> None:
+    simulation = Simulation(FREE)
+    simulation.step(3)
+    told = {
+        '<Scene scene: 3 bodies, 4 joints, 1 effects>': simulation.scene,
+        '<Simulation of scene, t = 0.03 s, rk4 at 0.01 s>': simulation,
+        '<Sample at t = 0.03 s, 4 joint coordinates>': simulation.sample(),
+        '<State at step 3, 8 coordinates>': simulation.state,
+        '<Ensemble of 2 members of scene>': Ensemble(FREE, 2),
+        '<Closure of four_bar by crank_pin>': Closure('four_bar', ['crank_pin']),
+        '<Recording recording: knee; 0 inputs>': recorded([0, 1, 2, 3], {'knee': [0, 0, 0, 0]}),
+        f'<VibrationModes: 1, at {modes(FREE).frequencies[0]:.4g} Hz>': modes(FREE),
+    }
+    assert [repr(each) for each in told.values()] == list(told)

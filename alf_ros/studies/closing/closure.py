@@ -83,6 +83,9 @@ class Closure:
         self._branch = BranchSign(self.model, self._actuated.q, self._actuated.dependent_rows)
         self.restart()
 
+    def __repr__(self) -> str:
+        return f'<Closure of {self.model.mechanism.name} by {", ".join(self.active)}>'
+
     def __reduce__(self) -> NoReturn:
         """A copy would continue the same motion: its calls would move this one as well."""
         raise TypeError('a Closure is one motion, and has no copy: make another one of its scene')

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError
-from alf_ros.scene.scene import Scene
+from alf_ros.scene.scene import SceneSource
 from alf_ros.simulation import input_checks as check
 from alf_ros.studies.ensemble.chunk import REASON, Arrays
 from alf_ros.studies.ensemble.cluster import Cluster
@@ -56,7 +56,7 @@ class Progress:
 
 
 def ensemble(
-    scene: str | Path | Scene | Mapping[str, Any],
+    scene: SceneSource,
     vary: Mapping[str, Any] | str | Path,
     members: int | None = None,
     seed: int = 0,

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.kernel.lanes.observing import JOINT, JOINT_RATE, PLACE, VELOCITY, Observing, observe
-from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.scene import SceneSource, load_scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.side_by_side import SideBySide, no_place
@@ -48,7 +48,7 @@ class Ensemble:
 
     def __init__(
         self,
-        scene: str | Path | Scene,
+        scene: SceneSource,
         members: int | None = None,
         *,
         vary: Mapping[str, Any] | str | Path | None = None,
@@ -205,6 +205,10 @@ class Ensemble:
             **{name: np.zeros(len(joints)) for name in ('values', 'rates')},
             numbers=np.zeros((count, len(found))),
         )
+
+    def __repr__(self) -> str:
+        name = self._members[0].scene.name if self._members else ''
+        return f'<Ensemble of {len(self)} members of {name}>'
 
     # ------------------------------------------------------------------------------------ steps
 

@@ -21,7 +21,7 @@ from typing import Any
 from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.scene import overrides
-from alf_ros.scene.scene import Scene, load_scene, scene_within
+from alf_ros.scene.scene import Scene, SceneSource, load_scene, scene_within
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.scene.text.yaml_document import BOOLEAN, Entry
@@ -43,7 +43,7 @@ MOST_SEED = 2**63 - 1
 
 
 def study_of(
-    scene: str | Path | Scene | Mapping[str, Any],
+    scene: SceneSource,
     vary: Mapping[str, Any] | str | Path,
     *,
     members: int | None = None,

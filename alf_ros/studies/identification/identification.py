@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError, StoppedError
 from alf_ros.scene import overrides
-from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.scene import Scene, SceneSource, load_scene
 from alf_ros.simulation.input_checks import by_name, choice, number, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
 from alf_ros.studies.identification.best_starts import (
@@ -73,7 +72,7 @@ _Rounds = tuple[WindowResiduals, Solution, Solution]
 
 
 def identify(
-    scene: str | Path | Scene | Mapping[str, Any],
+    scene: SceneSource,
     recordings: str | Path | Recording | Sequence[str | Path | Recording],
     fit: Sequence[str],
     *,

@@ -229,6 +229,11 @@ class Identification:
     def __str__(self) -> str:
         return '\n'.join(self.lines())
 
+    def __repr__(self) -> str:
+        each = zip(self.names, self.values, self.deviations, strict=True)
+        told = ', '.join(f'{name} {rounded(value, spread)}' for name, value, spread in each)
+        return f'<Identification of {self.scene.name}: {told}>'
+
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
         rows = zip(self.names, map(str, self.values), map(str, self.deviations), strict=True)

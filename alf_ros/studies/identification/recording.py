@@ -87,6 +87,11 @@ class Recording:
     damage: str = ''
     origin: int | None = None
 
+    def __repr__(self) -> str:
+        channels = ', '.join(each.name for each in self.channels[:6])
+        more = ', ...' if len(self.channels) > 6 else ''
+        return f'<Recording {self.name}: {channels}{more}; {len(self.inputs)} inputs>'
+
     @property
     def begin(self) -> float:
         """The first time at which all positions are measured, s."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError, StoppedError
-from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.scene import Scene, SceneSource, load_scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.crews import Processes
@@ -34,7 +33,7 @@ Report = Callable[[str], None]
 
 
 def optimise(
-    scene: str | Path | Scene | Mapping[str, Any],
+    scene: SceneSource,
     vary: Mapping[str, Any],
     minimise: Any,
     *,

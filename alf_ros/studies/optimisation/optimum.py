@@ -108,6 +108,11 @@ class Optimum:
     def __str__(self) -> str:
         return '\n'.join(self.lines())
 
+    def __repr__(self) -> str:
+        each = zip(self.names, self.values, strict=True)
+        told = ', '.join(f'{name} {value:.6g}' for name, value in each)
+        return f'<Optimum of {self.scene.name}: {told}>'
+
     def _repr_html_(self) -> str:
         """HTML for a notebook."""
         rows = zip(self.names, map(str, self.before), map(str, self.values), strict=True)

@@ -52,6 +52,11 @@ class VibrationModes:
     motions: Floats
     partners: Floats
 
+    def __repr__(self) -> str:
+        told = ', '.join(f'{each:.4g}' for each in self.frequencies[:3])
+        more = ', ...' if self.squares.size > 3 else ''
+        return f'<VibrationModes: {self.squares.size}, at {told}{more} Hz>'
+
     @property
     def frequencies(self) -> Floats:
         """(k,) ω / 2π, Hz; NaN of a motion that falls or flutters."""
