@@ -9,6 +9,7 @@ through its two joints, often by half a turn (`parts_between_joints`).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,6 +23,7 @@ _NOISE, _FLIP, _TURN = range(3)
 _TURNS = (_NOISE, _FLIP, _TURN, _TURN)  # kinds of places, in turn
 KINDS = len(_TURNS)  # starts of a round
 _SHORT = 1e-9  # of the size: two joints at one place
+_LOOSE = 1e-3  # weight of what no other body shares: a joint holds the rest
 _AMPLITUDES = (0.1, 0.3, 1.0)  # of the size: noise
 
 
@@ -37,6 +39,15 @@ class RandomPlaces:
         # what is mirrored as one: all points that move, first, and those of each body
         self._parts = [self._movable, *map(self._points, layout.of_body)]
         self._between = parts_between_joints(model)
+        # by block, how many bodies share it, the ground included
+        self._sharers = Counter(int(block) for of in layout.of_body.values() for block in of)
+        self._sharers.update(range(layout.movable, len(model.q) // layout.dimension))
+        # parts with a joint of their own, which folds
+        self._folding = [
+            part
+            for part in self._between
+            if any(self._sharers[block] > 1 for block in (*part.points, *part.vectors))
+        ]
 
     def place(self, n: int, known: Sequence[Floats]) -> Floats:
         """The n-th place (blocks D, m); `known`: positions found so far."""
@@ -49,6 +60,8 @@ class RandomPlaces:
         if kind == _NOISE:
             away = random.choice(_AMPLITUDES) * self._model.size
             found[: self._model.n] += away * random.standard_normal(self._model.n)
+        elif kind == _FLIP and self._folding and random.integers(2):
+            self._fold(places)
         elif kind == _FLIP:
             self._flip(places)
         elif self._between and self._random.integers(2):
@@ -133,6 +146,47 @@ class RandomPlaces:
             places[block] = at + R @ (places[block] - at)
         for block in part.vectors:
             places[block] = R @ places[block]
+
+    def _fold(self, places: Floats) -> None:
+        """Mirror a part at a plane through its two joints, along an axis or through a point."""
+        random, layout = self._random, self._model.layout
+        part = self._folding[random.integers(len(self._folding))]
+        at, end = (form.value(places) for form in part.ends)
+        among = [form.value(places) for form in part.axes]
+        if not among or not random.integers(4):
+            among = [places[random.choice(self._all)] - at]
+        normal = np.cross(end - at, among[random.integers(len(among))])
+        size = float(np.linalg.norm(normal))
+        if size <= _SHORT * self._model.size**2:
+            return
+        mirror = np.eye(3) - 2.0 / size**2 * np.outer(normal, normal)
+        own = {*part.points, *part.vectors}
+        before = places.copy()
+        for name in part.bodies:
+            blocks = [int(block) for block in layout.of_body[name]]
+            points = len(layout.body[name].points)
+            was = before[blocks]
+            images = was @ mirror
+            images[:points] += at - at @ mirror
+            weights = np.array([1.0 if self._sharers[block] > 1 else _LOOSE for block in blocks])
+            moved = _rigid(was, images, points, weights)
+            for block, place in zip(blocks, moved, strict=True):
+                if block in own:
+                    places[block] = place
+
+
+def _rigid(was: Floats, images: Floats, points: int, weights: Floats) -> Floats:
+    """The places of a rigid body that are nearest to some images of them: the first `points` are
+    points, the others directions."""
+    a, b, of_points = was.copy(), images.copy(), weights[:points]
+    there = np.average(b[:points], axis=0, weights=of_points)
+    a[:points] -= np.average(a[:points], axis=0, weights=of_points)
+    b[:points] -= there
+    u, _, vt = np.linalg.svd((a.T * weights) @ b)
+    u[:, -1] *= np.linalg.det(u @ vt)  # no mirror image
+    found = a @ u @ vt
+    found[:points] += there
+    return np.asarray(found)
 
 
 def _turned(axis: Floats, angle: float) -> Floats:
