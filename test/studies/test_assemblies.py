@@ -118,6 +118,67 @@ def test_a_plate_on_three_legs_has_six_assemblies() -> None:
         assert places(found, 'B0') == pytest.approx(rows, abs=1e-10)
 
 
+def pistons(feet: list[complex], corners: list[complex]) -> dict[str, Any]:
+    """A plate on three legs, each a cylinder and a piston."""
+    points: dict[str, Any] = {}
+    bodies: dict[str, Any] = {'plate': {'points': ['B0', 'B1', 'B2'], **ROD}}
+    joints: dict[str, Any] = {}
+    for n, (foot, corner) in enumerate(zip(feet, corners, strict=True)):
+        span = corner - foot
+        for name, part in zip('ACDB', (0.0, 0.3, 0.7, 1.0), strict=True):
+            place = foot + part * span
+            points[f'{name}{n}'] = {'at': [place.real, place.imag], 'fixed': name == 'A'}
+        bodies[f'cylinder{n}'] = {'points': [f'A{n}', f'C{n}'], **ROD}
+        bodies[f'piston{n}'] = {'points': [f'D{n}', f'B{n}'], **ROD}
+        ends = {'foot': ('ground', 'cylinder', 'A'), 'head': ('plate', 'piston', 'B')}
+        for name, (parent, child, point) in ends.items():
+            pair = [parent, f'{child}{n}']
+            joints[f'{name}{n}'] = {'type': 'revolute', 'between': pair, 'at': f'{point}{n}'}
+        joints[f'stroke{n}'] = {
+            'type': 'prismatic',
+            'between': [f'cylinder{n}', f'piston{n}'],
+            'at': f'C{n}',
+            'axis': [span.real, span.imag],
+        }
+    return {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
+
+
+def signs(feet: list[complex], corners: list[complex]) -> int:
+    """How often the miss of the third circle changes its sign while the plate turns."""
+    squares = [abs(b - a) ** 2 for a, b in zip(feet, corners, strict=True)]
+    turned = np.exp(1j * (np.linspace(0.0, 2.0 * math.pi, 20001) + 1e-5))  # as drawn: between two
+    u, v = (feet[n] - feet[0] - turned * (corners[n] - corners[0]) for n in (1, 2))
+    p, q = (
+        (squares[0] - squares[n] + abs(w) ** 2) / 2 for n, w in ((1, u), (2, v))
+    )  # w · (B0 - A0) of both
+    det = u.real * v.imag - u.imag * v.real
+    x, y = p * v.imag - q * u.imag, q * u.real - p * v.real
+    miss = x * x + y * y - det * det * squares[0]
+    return int(np.count_nonzero(miss[:-1] * miss[1:] < 0.0))
+
+
+def test_a_cylinder_and_its_piston_turn_as_one() -> None:
+    for feet, plate, at, angle in (
+        (
+            [-0.5 - 0.4j, 0.3 + 0.1j, 0.6 + 0.8j],
+            [0.8 - 1.0j, -0.7 + 0.5j, 0.9 + 0.6j],
+            -0.7 - 0.2j,
+            1.9,
+        ),
+        (
+            [1.4 - 0.7j, 0.2 + 0.9j, 0.9 + 0.6j],
+            [0.3 - 0.2j, 0.9 + 0.4j, -0.1 + 0.7j],
+            -0.3 + 0.3j,
+            -1.7,
+        ),
+    ):
+        corners = [at + complex(math.cos(angle), math.sin(angle)) * each for each in plate]
+        wanted, strokes = signs(feet, corners), {f'stroke{n}': 0.0 for n in range(3)}
+        for seed in range(4):
+            found = assemblies(pistons(feet, corners), strokes, seed=seed)
+            assert len(found) == wanted, (seed, found.statement)
+
+
 # ---------------------------------------------------------------------------- three arms, in space
 
 
