@@ -118,6 +118,67 @@ def test_a_plate_on_three_legs_has_six_assemblies() -> None:
         assert places(found, 'B0') == pytest.approx(rows, abs=1e-10)
 
 
+def pistons(feet: list[complex], corners: list[complex]) -> dict[str, Any]:
+    """A plate on three legs, each a cylinder and a piston."""
+    points: dict[str, Any] = {}
+    bodies: dict[str, Any] = {'plate': {'points': ['B0', 'B1', 'B2'], **ROD}}
+    joints: dict[str, Any] = {}
+    for n, (foot, corner) in enumerate(zip(feet, corners, strict=True)):
+        span = corner - foot
+        for name, part in zip('ACDB', (0.0, 0.3, 0.7, 1.0), strict=True):
+            place = foot + part * span
+            points[f'{name}{n}'] = {'at': [place.real, place.imag], 'fixed': name == 'A'}
+        bodies[f'cylinder{n}'] = {'points': [f'A{n}', f'C{n}'], **ROD}
+        bodies[f'piston{n}'] = {'points': [f'D{n}', f'B{n}'], **ROD}
+        ends = {'foot': ('ground', 'cylinder', 'A'), 'head': ('plate', 'piston', 'B')}
+        for name, (parent, child, point) in ends.items():
+            pair = [parent, f'{child}{n}']
+            joints[f'{name}{n}'] = {'type': 'revolute', 'between': pair, 'at': f'{point}{n}'}
+        joints[f'stroke{n}'] = {
+            'type': 'prismatic',
+            'between': [f'cylinder{n}', f'piston{n}'],
+            'at': f'C{n}',
+            'axis': [span.real, span.imag],
+        }
+    return {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
+
+
+def signs(feet: list[complex], corners: list[complex]) -> int:
+    """How often the miss of the third circle changes its sign while the plate turns."""
+    squares = [abs(b - a) ** 2 for a, b in zip(feet, corners, strict=True)]
+    turned = np.exp(1j * (np.linspace(0.0, 2.0 * math.pi, 20001) + 1e-5))  # as drawn: between two
+    u, v = (feet[n] - feet[0] - turned * (corners[n] - corners[0]) for n in (1, 2))
+    p, q = (
+        (squares[0] - squares[n] + abs(w) ** 2) / 2 for n, w in ((1, u), (2, v))
+    )  # w · (B0 - A0) of both
+    det = u.real * v.imag - u.imag * v.real
+    x, y = p * v.imag - q * u.imag, q * u.real - p * v.real
+    miss = x * x + y * y - det * det * squares[0]
+    return int(np.count_nonzero(miss[:-1] * miss[1:] < 0.0))
+
+
+def test_a_cylinder_and_its_piston_turn_as_one() -> None:
+    for feet, plate, at, angle in (
+        (
+            [-0.5 - 0.4j, 0.3 + 0.1j, 0.6 + 0.8j],
+            [0.8 - 1.0j, -0.7 + 0.5j, 0.9 + 0.6j],
+            -0.7 - 0.2j,
+            1.9,
+        ),
+        (
+            [1.4 - 0.7j, 0.2 + 0.9j, 0.9 + 0.6j],
+            [0.3 - 0.2j, 0.9 + 0.4j, -0.1 + 0.7j],
+            -0.3 + 0.3j,
+            -1.7,
+        ),
+    ):
+        corners = [at + complex(math.cos(angle), math.sin(angle)) * each for each in plate]
+        wanted, strokes = signs(feet, corners), {f'stroke{n}': 0.0 for n in range(3)}
+        for seed in range(4):
+            found = assemblies(pistons(feet, corners), strokes, seed=seed)
+            assert len(found) == wanted, (seed, found.statement)
+
+
 # ---------------------------------------------------------------------------- three arms, in space
 
 
@@ -442,7 +503,7 @@ def test_the_cross_of_a_leg_may_be_turned_round() -> None:
     }
     wanted = plates()
     for seed in SEEDS:
-        found = assemblies(mechanism, {'leg': 0.0}, starts=500, seed=seed)
+        found = assemblies(mechanism, {'leg': 0.0}, starts=1000, seed=seed)
         assert len(found) == 32, (seed, found.statement)
         rows = np.array([[each.points[f'T{n}'] for n in range(3)] for each in found.positions])
         for each in wanted:
@@ -490,3 +551,51 @@ def test_places_of_a_mechanism_with_a_slider_are_numbers() -> None:
     with np.errstate(all='raise'):
         for n in range(400):
             assert np.isfinite(places.place(n, [model.q])).all()
+
+
+# ----------------------------------------------------------------------- spherical four-bars
+
+
+def spherical(arcs: tuple[float, float, float, float], turn: float) -> dict[str, Any]:
+    """Arcs of crank, coupler, rocker and ground on a sphere of 1 m, drawn closed with the crank
+    turned about z from the plane of the ground."""
+    a, b, c, d = arcs
+    u0, u3 = np.array([0.0, 0.0, 1.0]), np.array([math.sin(d), 0.0, math.cos(d)])
+    u1 = [math.sin(a) * math.cos(turn), math.sin(a) * math.sin(turn), math.cos(a)]
+    # u2 = x u1 + y u3 + z u1 × u3 with its cosines to u1 and u3
+    far = float(np.dot(u1, u3))
+    x, y = np.linalg.solve([[1.0, far], [far, 1.0]], [math.cos(b), math.cos(c)])
+    flat, normal = x * np.array(u1) + y * u3, np.cross(u1, u3)
+    u2 = flat + math.sqrt((1.0 - flat @ flat) / (normal @ normal)) * normal
+    ends = {'U0': u0, 'U1': u1, 'U2': u2, 'U3': u3}
+    fixed = {'U0': {'fixed': True}, 'U3': {'fixed': True}}
+    links = {'crank': '01', 'coupler': '12', 'rocker': '32'}
+    between = {'pin': ('ground', 'crank'), 'knee': ('crank', 'coupler')}
+    between |= {'wrist': ('coupler', 'rocker'), 'foot': ('ground', 'rocker')}
+    return {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {n: {'at': list(map(float, u)), **fixed.get(n, {})} for n, u in ends.items()},
+        'vectors': {
+            n.lower(): {'along': list(map(float, u)), **fixed.get(n, {})} for n, u in ends.items()
+        },
+        'bodies': {
+            name: {'points': [f'U{k}' for k in of], 'vectors': [f'u{k}' for k in of], **ROD}
+            for name, of in links.items()
+        },
+        'joints': {
+            name: {'type': 'revolute', 'between': list(pair), 'at': f'U{k}', 'axis': f'u{k}'}
+            for k, (name, pair) in enumerate(between.items())
+        },
+    }
+
+
+def test_a_spherical_four_bar_has_two_assemblies() -> None:
+    """Coupler and rocker fold over at the plane of u1 and u3. Noise hardly ever leads there."""
+    mechanism = spherical((0.79, 1.75, 1.63, 0.54), 3.96)
+    for seed in range(10):
+        found = assemblies(mechanism, {'pin': 0.1}, starts=150, seed=seed)
+        assert len(found) == 2, (seed, found.statement)
+    one, other = (each.points['U2'] for each in found.positions)
+    normal = np.cross(found[0].points['U1'], mechanism['points']['U3']['at'])
+    assert np.cross(one - other, normal) == pytest.approx(0.0, abs=1e-10)

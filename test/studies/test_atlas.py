@@ -175,6 +175,30 @@ def test_curves_nearer_than_the_resolution_cross(off: float) -> None:
     assert [piece.piece.ends for piece in found.pieces] == [(0, 0), (0, 0)]
 
 
+def test_a_start_beside_a_node_makes_no_second_piece() -> None:
+    """A four-bar near a kite. The search starts between the node and the nearest position of a
+    piece, where Φ_q changes by more than itself to that position."""
+    lengths = 2.0320866916651292, 1.3286501560913364, 1.330030918127784, 2.030705929628682
+    mechanism = four_bar(*lengths)
+    mechanism['points']['A']['at'] = [2.03, -0.082]
+    mechanism['points']['B']['at'] = [0.702, -0.059]
+    for body, length in zip(('crank', 'coupler', 'rocker'), lengths, strict=False):
+        mechanism['bodies'][body]['length'] = length
+    for seed in (0, 11):
+        found = atlas(mechanism, 'foot', seed=seed)
+        assert [piece.piece.ends for piece in found.pieces] == [(0, 0), (0, 0)], seed
+        assert [count for *_, count in found.counts() if count] == [2], seed
+
+
+def test_the_transmission_angle_in_a_node() -> None:
+    """At a change point all bars are in line: 0, with the tangents of the branches."""
+    a, b, c, d = 1.0, 3.0, 2.5, 1.5
+    found = atlas(four_bar(a, b, c, d), 'pin', output='foot', bar=['A', 'B'])
+    for piece in found.pieces:
+        for end in (0, -1):
+            assert piece.transmission[end] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_the_slider_crank_has_four_pieces_and_two_nodes() -> None:
     found = atlas('slider_crank', 'B.x')
     assert len(found.pieces) == 4 and len(found.nodes) == 2
@@ -370,6 +394,8 @@ def test_what_cannot_be_mapped_is_one_line(given: dict[str, Any], said: str) -> 
 def test_what_rolls_and_has_other_freedoms_is_refused() -> None:
     with pytest.raises(InputError, match='binds velocities'):
         atlas('rolling_disk')
+    with pytest.raises(InputError, match='couplings.worm: a coupling binds velocities'):
+        atlas('two_finger_gripper', 'motor0')
     with pytest.raises(InputError, match='2 freedoms, but 1 to map over'):
         atlas('double_pendulum')
     with pytest.raises(InputError, match='hold others at a value'):

@@ -138,6 +138,8 @@ class CurveSearch:
             self._keep(one.piece, 1)
             return
         other = followed(self.space, q, -direction, from_node=False)
+        first = self._arrived(other.node, other.piece)
+        last = self._arrived(one.node, one.piece)
         back = other.piece.reversed()
         whole = Piece(
             back.q[:-1] + one.piece.q,
@@ -145,8 +147,7 @@ class CurveSearch:
             back.sigma[:-1] + one.piece.sigma,
             complete=one.piece.complete and other.piece.complete,
         )
-        first = self._arrived(other.node, other.piece)
-        whole.ends = (first, self._arrived(one.node, one.piece))
+        whole.ends = (first, last)
         self._keep(whole, 1)
 
     def _leave(self, node: int, which: int) -> None:
@@ -158,11 +159,18 @@ class CurveSearch:
             self._keep(found.piece)
 
     def _keep(self, piece: Piece, hits: int = 0) -> None:
+        """Keep a piece, unless it is a known one: a start beside a node is nearer to it than all
+        positions known there, so only its piece tells."""
+        known = self._piece_at(piece.q[int(np.argmax(piece.sigma))])
+        if known >= 0 and not piece.singular:
+            self.hits[known] += hits
+            return
         self.pieces.append(piece)
         self.hits.append(hits)
 
     def _arrived(self, q: Floats | None, piece: Piece) -> int:
-        """The node of an end; the direction in which the piece came to it is followed already."""
+        """The node of an end; the direction in which the piece came to it is followed already, and
+        is its tangent there."""
         if q is None:
             return -1
         node = self._node(q)
@@ -174,6 +182,7 @@ class CurveSearch:
             best = int(np.argmax(products))
             if products[best] > _ALONG:
                 self._left[node].discard(best)
+                piece.tangents[-1] = -here.directions[best]
         return node
 
     # ------------------------------------------------------------------------------------ nodes

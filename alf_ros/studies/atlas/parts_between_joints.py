@@ -19,12 +19,14 @@ from alf_ros.model.compile import Model
 
 @dataclass(frozen=True, eq=False)
 class PartBetweenJoints:
-    """The points and vectors of a part that move with no other body, as blocks, and the places of
-    its two joints (m)."""
+    """The bodies of a part, their points and vectors that move with no other body, as blocks, the
+    places of its two joints (m), and the axes of these on the part."""
 
+    bodies: tuple[str, ...]
     points: tuple[int, ...]
     vectors: tuple[int, ...]
     ends: tuple[Form, Form]
+    axes: tuple[Form, ...]
 
 
 def parts_between_joints(model: Model) -> list[PartBetweenJoints]:
@@ -39,7 +41,11 @@ def parts_between_joints(model: Model) -> list[PartBetweenJoints]:
             own -= {b for name, of in layout.of_body.items() if name not in part for b in of}
             first, last = (_end(model, joint, part) for joint in pair)
             points, vectors = sorted(own & all_points), sorted(own - all_points)
-            found.append(PartBetweenJoints((*points,), (*vectors,), (first, last)))
+            axes = [axis for joint in pair for axis in _axis(model, joint, part)]
+            bodies = [name for name in layout.of_body if name in part]
+            found.append(
+                PartBetweenJoints((*bodies,), (*points,), (*vectors,), (first, last), (*axes,))
+            )
     return found
 
 
@@ -65,3 +71,11 @@ def _end(model: Model, joint: Joint, part: set[str]) -> Form:
     side = 0 if joint.parent in part else 1
     body = (joint.parent, joint.child)[side]
     return model.layout.place(body, joint.frames[side].origin)
+
+
+def _axis(model: Model, joint: Joint, part: set[str]) -> list[Form]:
+    """The axis of a joint on the body of the part, if it has one."""
+    side = 0 if joint.parent in part else 1
+    body = (joint.parent, joint.child)[side]
+    axes = joint.frames[side].axes
+    return [model.layout.direction(body, axes[-1])] if len(axes) else []

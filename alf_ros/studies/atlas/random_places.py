@@ -1,14 +1,20 @@
 """Random places from which the loops of a mechanism are closed, to find all of its assemblies.
 
-Three kinds take turns: noise on the drawing or on a known position; a known position with one or
-two points mirrored, or all points of a body or of the mechanism, at a line through two others or a
-plane through three, or along an axis, which flips a part over; and, twice as often, a known
-position with one body turned about a joint. In space, half of these turn a part about the line
-through its two joints, often by half a turn (`parts_between_joints`).
+Three kinds take turns:
+
+- noise on the drawing or on a known position;
+- a known position with one or two points mirrored, or all points of a body or of the mechanism, at
+  a line through two others or a plane through three, or along an axis, which flips a part over. In
+  space, half of these mirror a part at a plane through its two joints: its bodies go to the rigid
+  places nearest to their images, so that the dyad of a spherical four-bar folds over;
+- and, twice as often, a known position with one body, and those that slide on it, turned about a
+  joint. In space, half of these turn a part about the line through its two joints, often by half a
+  turn (`parts_between_joints`).
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,7 +27,9 @@ from alf_ros.studies.atlas.parts_between_joints import parts_between_joints
 _NOISE, _FLIP, _TURN = range(3)
 _TURNS = (_NOISE, _FLIP, _TURN, _TURN)  # kinds of places, in turn
 KINDS = len(_TURNS)  # starts of a round
+_PARALLEL = ('prismatic', 'weld')
 _SHORT = 1e-9  # of the size: two joints at one place
+_LOOSE = 1e-3  # weight of what no other body shares: a joint holds the rest
 _AMPLITUDES = (0.1, 0.3, 1.0)  # of the size: noise
 
 
@@ -36,7 +44,18 @@ class RandomPlaces:
         self._all = [*layout.of_point.values()]
         # what is mirrored as one: all points that move, first, and those of each body
         self._parts = [self._movable, *map(self._points, layout.of_body)]
+        # bodies that turn as one, by each of them
+        self._turning = {name: _guided(model, name) for name in layout.of_body}
         self._between = parts_between_joints(model)
+        # by block, how many bodies share it, the ground included
+        self._sharers = Counter(int(block) for of in layout.of_body.values() for block in of)
+        self._sharers.update(range(layout.movable, len(model.q) // layout.dimension))
+        # parts with a joint of their own, which folds
+        self._folding = [
+            part
+            for part in self._between
+            if any(self._sharers[block] > 1 for block in (*part.points, *part.vectors))
+        ]
 
     def place(self, n: int, known: Sequence[Floats]) -> Floats:
         """The n-th place (blocks D, m); `known`: positions found so far."""
@@ -49,6 +68,8 @@ class RandomPlaces:
         if kind == _NOISE:
             away = random.choice(_AMPLITUDES) * self._model.size
             found[: self._model.n] += away * random.standard_normal(self._model.n)
+        elif kind == _FLIP and self._folding and random.integers(2):
+            self._fold(places)
         elif kind == _FLIP:
             self._flip(places)
         elif self._between and self._random.integers(2):
@@ -90,16 +111,17 @@ class RandomPlaces:
             places[blocks] = moved - 2.0 / size * np.outer((moved - at) @ normal, normal)
 
     def _turn(self, places: Floats) -> None:
-        """Turn a body about a joint: in space about the axis of the joint, or any."""
+        """Turn a body, with those it slides on, about a joint: in space about the axis of the
+        joint, or any."""
         random, layout = self._random, self._model.layout
         joints = self._model.mechanism.joints
         if not joints:
             return
         joint = joints[random.integers(len(joints))]
         name = joint.child if joint.parent == GROUND or random.integers(2) else joint.parent
-        blocks = [int(block) for block in layout.of_body[name]]
-        points = len(layout.body[name].points)
-        pivot = layout.of_point[joint.point] if joint.point else blocks[0]
+        blocks = {int(block) for of in self._turning[name] for block in layout.of_body[of]}
+        points = blocks & {*layout.of_point.values()}
+        pivot = layout.of_point[joint.point] if joint.point else int(layout.of_body[name][0])
         at, angle = np.array(places[pivot]), float(random.uniform(-np.pi, np.pi))
         if layout.dimension == 2:
             c, s = np.cos(angle), np.sin(angle)
@@ -112,9 +134,9 @@ class RandomPlaces:
                 if np.linalg.norm(along) > _SHORT:  # a rod has no direction across it
                     axis = along
             R = _turned(axis / np.linalg.norm(axis), angle)
-        for block in blocks[:points]:
+        for block in points:
             places[block] = at + R @ (places[block] - at)
-        for block in blocks[points:]:
+        for block in blocks - points:
             places[block] = R @ places[block]
 
     def _turn_between(self, places: Floats) -> None:
@@ -133,6 +155,60 @@ class RandomPlaces:
             places[block] = at + R @ (places[block] - at)
         for block in part.vectors:
             places[block] = R @ places[block]
+
+    def _fold(self, places: Floats) -> None:
+        """Mirror a part at a plane through its two joints, along an axis or through a point."""
+        random, layout = self._random, self._model.layout
+        part = self._folding[random.integers(len(self._folding))]
+        at, end = (form.value(places) for form in part.ends)
+        among = [form.value(places) for form in part.axes]
+        if not among or not random.integers(4):
+            among = [places[random.choice(self._all)] - at]
+        normal = np.cross(end - at, among[random.integers(len(among))])
+        size = float(np.linalg.norm(normal))
+        if size <= _SHORT * self._model.size**2:
+            return
+        mirror = np.eye(3) - 2.0 / size**2 * np.outer(normal, normal)
+        own = {*part.points, *part.vectors}
+        before = places.copy()
+        for name in part.bodies:
+            blocks = [int(block) for block in layout.of_body[name]]
+            points = len(layout.body[name].points)
+            was = before[blocks]
+            images = was @ mirror
+            images[:points] += at - at @ mirror
+            weights = np.array([1.0 if self._sharers[block] > 1 else _LOOSE for block in blocks])
+            moved = _rigid(was, images, points, weights)
+            for block, place in zip(blocks, moved, strict=True):
+                if block in own:
+                    places[block] = place
+
+
+def _guided(model: Model, body: str) -> list[str]:
+    """A body with those that joints keep parallel to it, such as the cylinder of a piston; alone
+    if one of them is the ground."""
+    found = [body]
+    for name in found:
+        for joint in model.mechanism.joints:
+            pair = joint.parent, joint.child
+            if joint.kind in _PARALLEL and name in pair:
+                other = pair[name == pair[0]]
+                found += [other] * (other not in found)
+    return [body] if GROUND in found else found
+
+
+def _rigid(was: Floats, images: Floats, points: int, weights: Floats) -> Floats:
+    """The places of a rigid body that are nearest to some images of them: the first `points` are
+    points, the others directions."""
+    a, b, of_points = was.copy(), images.copy(), weights[:points]
+    there = np.average(b[:points], axis=0, weights=of_points)
+    a[:points] -= np.average(a[:points], axis=0, weights=of_points)
+    b[:points] -= there
+    u, _, vt = np.linalg.svd((a.T * weights) @ b)
+    u[:, -1] *= np.linalg.det(u @ vt)  # no mirror image
+    found = a @ u @ vt
+    found[:points] += there
+    return np.asarray(found)
 
 
 def _turned(axis: Floats, angle: float) -> Floats:

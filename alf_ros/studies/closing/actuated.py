@@ -157,13 +157,17 @@ def _binds_velocities(joint: Joint, layout: Layout) -> bool:
 
 
 def refuse_velocity_rows(mechanism: Mechanism) -> None:
-    """Rows that bind velocities only leave positions open: what rolls, or meshes, is refused."""
+    """Rows that bind velocities only leave positions open: what rolls, meshes, or is coupled, is
+    refused."""
     layout = natural_coordinates.cut(mechanism)
     for joint in mechanism.joints:
         _refuse_motion(joint)
         if _binds_velocities(joint, layout):
             text = f'a joint of type {joint.kind} binds velocities: positions do not follow'
             raise InputError(text, key=f'joints.{joint.name}')
+    for coupling in mechanism.couplings:
+        text = 'a coupling binds velocities: positions do not follow'
+        raise InputError(text, key=f'couplings.{coupling.name}')
 
 
 def _refuse_count(
