@@ -353,6 +353,10 @@ def test_the_page_in_a_browser(tmp_path: Path) -> None:
         title = page.run("document.getElementById('title').textContent")
         assert title == 'slider_crank: positions over B.x'
         assert 'circuit 1' in page.run("document.getElementById('reading').textContent")
+        # no number is rounding, and no table is wider than its place
+        assert 'e-' not in page.run("document.getElementById('tables').textContent")
+        tables = "[...document.querySelectorAll('#tables div')]"
+        assert page.run(f'{tables}.every((each) => each.scrollWidth <= each.clientWidth)')
         assert not page.complaints
 
 

@@ -170,7 +170,7 @@ def _marks(atlas: Atlas, every: int) -> Iterable[Json]:
                 is_limit = turning.kind == TRAVEL_LIMIT
                 colour = 'warn' if is_limit else 'energy'
                 what = _DRIVEN if is_limit else 'dead point of the output'
-                text = (what, f'{turning.value:.9g}', level, f'circuit {piece.circuit}')
+                text = (what, _shown(turning.value), level, f'circuit {piece.circuit}')
                 yield _mark(atlas, n, piece, at, every, 'turning', colour, text, turning.q)
 
 
@@ -206,7 +206,7 @@ def _value(atlas: Atlas, piece: MappedPiece, at: int) -> str:
     value = float(piece.over[at])
     if atlas.over.is_angle:
         value -= 2.0 * math.pi * math.floor(value / (2.0 * math.pi) + 0.5)
-    return f'{value + 0.0:.9g}'
+    return _shown(value)
 
 
 def _tables(atlas: Atlas) -> list[Json]:
@@ -215,9 +215,9 @@ def _tables(atlas: Atlas) -> list[Json]:
     for n, sheet in enumerate(atlas.sheets):
         level = [_short(sheet.level)] if atlas.second else []
         for low, high, count in atlas.counts(n):
-            counts.append([*level, f'{low:.9g}', f'{high:.9g}', str(count)])
+            counts.append([*level, _shown(low), _shown(high), str(count)])
         for circuit, (low, high) in atlas.limits(n).items():
-            cells = ['full turns', ''] if math.isinf(high) else [f'{low:.9g}', f'{high:.9g}']
+            cells = ['full turns', ''] if math.isinf(high) else [_shown(low), _shown(high)]
             limits.append([*level, str(circuit), *cells])
     second = [atlas.second.name] if atlas.second else []
     head = [f'{atlas.over.name} from, {unit}', 'to']
@@ -237,4 +237,8 @@ def _numbers(values: Floats, digits: int = 7) -> list[float | None]:
 
 
 def _short(value: float) -> str:
-    return f'{value:.6g}'
+    return _shown(value, 6)
+
+
+def _shown(value: float, digits: int = 9) -> str:
+    return f'{0.0 if abs(value) < _NOTHING else value:.{digits}g}'

@@ -30,7 +30,7 @@ function extent(k) {
 function axes() {
   const [a, b] = [Number($('across').value), Number($('up').value)];
   const {pen, width, height} = sheet($('map'));
-  const [left, right, top, low] = [58, 12, 12, 34];
+  const [left, right, top, low] = [58, 12, 26, 34];
   const [x, y] = [extent(a), extent(b)];
   const across = (v) => left + (v - x[0]) / (x[1] - x[0]) * (width - left - right);
   const up = (v) => height - low - (v - y[0]) / (y[1] - y[0]) * (height - top - low);
@@ -58,7 +58,7 @@ function drawAxes(f) {
   pen.textAlign = 'right';
   pen.fillText(name(f.a), f.width - f.right, f.height - 4);
   pen.textAlign = 'left';
-  pen.fillText(name(f.b), f.left + 4, f.top + 8);
+  pen.fillText(name(f.b), 6, f.top - 11);  // above the map, where no curve is
 }
 
 function drawCurves(f) {
