@@ -117,7 +117,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
     A correction that opens the rows further is halved, unless the next one is small. `way`: the
     first correction; `exactly`: it is Newton's in soft modes too.
 
-    The gradient of a sum of angles is that of closed loops. A first correction that closes them
+    The gradient of a sum of angles fits closed loops. A first correction that closes them
     leaves some of the sum, which moves a soft mode far. If that correction was slight, `way` has
     the second one as well.
     """
