@@ -19,7 +19,7 @@ from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import packed, put
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
+from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.projection import opening
 from alf_ros.kernel.slip import begin_angles
 from alf_ros.kernel.triangular_solve import solve
@@ -33,6 +33,7 @@ _NEARLY = 1e-13  # of the size: closed, where rounding ends the convergence
 _ROUNDED = 4.0  # rounding units of the largest coordinate: no gap is known better far away
 _SLOW = 0.2  # of two gaps: a mode converges slowly
 _SHORTEST = 1.0 / 64.0  # of a correction
+_SLIGHT = 0.01  # of the way from `before`: a first correction that tells nothing of a branch
 
 
 @inner
@@ -115,11 +116,15 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
 
     A correction that opens the rows further is halved, unless the next one is small. `way`: the
     first correction; `exactly`: it is Newton's in soft modes too.
+
+    The gradient of a sum of angles fits closed loops. A first correction that closes them
+    leaves some of the sum, which moves a soft mode far. If that correction was slight, `way` has
+    the second one as well.
     """
     unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
     size, n = system.size, work.p.size
     nearly = max(_NEARLY * size, _ROUNDED * EPS * largest(work.q, n))
-    best, fraction, first, slow = np.inf, 1.0, True, exactly
+    best, fraction, first, second, slow = np.inf, 1.0, True, False, exactly
     counts[FACTORED] = 0
     for _ in range(_ROUNDS):
         gap = opening(unit, system, work)
@@ -142,7 +147,12 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
             if first:
                 for a in range(n):
                     way[a] = fraction * work.target[a]
-                first = False
+                first, second = False, work.sums.size > 0
+            elif second:
+                second = False
+                if largest(way, n) <= _SLIGHT * furthest(work.base, closing.before, n):
+                    for a in range(n):
+                        way[a] += fraction * work.target[a]
             counts[CORRECTIONS] += 1
             counts[FACTORED] += 1
         else:

@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import time
 from typing import Any
 
 import numpy as np
@@ -141,6 +142,19 @@ def test_it_pauses_seeks_changes_its_rate_and_loops(peer, log):
         for name, value in (('seek', 1.5), ('seek', -1.0), ('rate', -1.0)):
             result = replayed.set_to(name, value)
             assert not result.successful and result.reason
+        os.killpg(replayed.process.pid, signal.SIGINT)
+        assert replayed.wait() == 0
+
+
+@pytest.mark.parametrize('options', [[], ['--redrive'], ['--rate', '0']])
+def test_a_log_of_one_instant_comes_ten_times_a_second(options, peer, tmp_path):
+    path, _ = make(tmp_path, 'slider_crank', 0)
+    with Replayed(peer, load(path.parent), '--loop', *options) as replayed:
+        begin = time.monotonic()
+        replayed.play()
+        peer.until(lambda: len(replayed.heard) > 4, 'five of them')
+        assert time.monotonic() - begin >= 0.1 * (len(replayed.heard) - 1)
+        assert set(replayed.stamps) == {1}
         os.killpg(replayed.process.pid, signal.SIGINT)
         assert replayed.wait() == 0
 

@@ -115,3 +115,64 @@ def test_a_delta_robot_passes_a_dead_point_and_a_crossing(rows: int, noise: floa
         values = np.array(angles) - p['theta'] + noise * random.standard_normal(3)
         posture = closure.close(dict(zip(MOTORS, values.tolist(), strict=True)))
     assert np.abs(posture.points['C'] - path[-1]).max() <= 1e-9 + 300.0 * noise
+
+
+COUPLED: dict[str, Any] = {
+    'alf': 1,
+    'space': 'spatial',
+    'points': {
+        'A': {'at': [0.35, -0.34, 0.36], 'fixed': True},
+        'B': {'at': [-0.98, 0.96, 0.65]},
+        'C': {'at': [0.7, -0.14, 0.25]},
+        'D': {'at': [0.52, 0.08, -0.79]},
+        'E': {'at': [0.17, -0.36, -0.16]},
+    },
+    'bodies': {
+        name: {'points': points, 'mass': 1, 'inertia': {'about_com': [1, 1, 1]}, 'com': [0, 0, 0]}
+        for name, points in (('a', ['A']), ('b', ['B']), ('c', ['C']), ('d', ['D', 'E']))
+    },
+    'joints': {
+        'base': {
+            'type': 'revolute',
+            'between': ['ground', 'a'],
+            'at': 'A',
+            'axis': [0.92, 0.18, 0.34],
+        },
+        'knee': {'type': 'revolute', 'between': ['a', 'b'], 'at': 'B', 'axis': [0.26, -0.4, 0.88]},
+        'hip': {
+            'type': 'revolute',
+            'between': ['b', 'c'],
+            'at': 'C',
+            'axis': [0.75, -0.49, -0.44],
+        },
+        'plane': {
+            'type': 'planar',
+            'between': ['c', 'd'],
+            'at': 'D',
+            'axis': [-0.88, 0.18, -0.44],
+        },
+        'cross': {
+            'type': 'universal',
+            'between': ['ground', 'd'],
+            'at': 'E',
+            'axes': [[0.97, -0.23, 0], [0, 0, -1]],
+        },
+    },
+    'couplings': {'mimic': {'joints': {'knee': 0.83, 'hip': 1.8}}},
+}
+# rad: where the angle turns back, of a computation of its own (poses of rigid bodies as unknowns,
+# followed by arc length; differences of both are 1e-12)
+ENDS = -2.0958236952870, 0.7445649966249
+
+
+def test_coupled_hinges_in_space_go_to_their_dead_points() -> None:
+    """Where the first correction closes the other joints, it opens the coupling again."""
+    closure = Closure(COUPLED, ['cross_first'])
+    posture = closure.close(closure.start)
+    assert posture.travel('cross_first') == pytest.approx(ENDS, abs=1e-9)
+    for before in (1e-3, 1e-6):
+        posture = closure.close({'cross_first': ENDS[1] - before})
+        assert posture.missed_by < 1e-12
+        assert posture.travel('cross_first') == pytest.approx(ENDS, abs=1e-9)
+    beyond = closure.close({'cross_first': ENDS[1] + 0.1})
+    assert beyond.missed_by == pytest.approx(0.1, abs=1e-9)

@@ -64,6 +64,18 @@ def shallow() -> tuple[EquilibriumPath, tuple[float, ...]]:
     return path, tuple(told)
 
 
+@pytest.mark.parametrize('more', [0.0, 1e-9])
+def test_a_turn_and_a_branch_point_in_one_position(more: float) -> None:
+    """At y = 1 both stiffnesses, along l³ = l₀ and across l³ - l₀ l² + l₀ = 0, vanish."""
+    height = float(np.sqrt(7.0)) * (1.0 + more)
+    path = equilibrium_path(arch(height), over='load.force.1', end=-5000.0, back=500.0)
+    *_, both = path.events
+    assert (both.kind, both.count) == ('branch', 2)
+    assert [event.count for event in path.events] == [1, 2]
+    assert both.value == pytest.approx(-2000.0, abs=1e-4)
+    assert path['P.y'][both.index] == pytest.approx(1.0, abs=1e-7)
+
+
 def test_a_shallow_arch_snaps_through_at_both_limit_points() -> None:
     path, _ = shallow()
     x, y = path.points['P'].T

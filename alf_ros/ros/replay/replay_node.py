@@ -26,6 +26,7 @@ from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
 _CLOCK = '/clock'
+_SHORTEST = 0.1  # s of a pass of a loop
 
 
 class Replay(Node):
@@ -112,6 +113,9 @@ class Replay(Node):
             self.stop()
         if self._next is None:
             if self._loop:
+                rest = self._since + _SHORTEST - time.monotonic()
+                if rest > 0.0:  # a log of one instant, or of a few ticks
+                    return min(LOOK_PERIOD, rest)
                 self._go_to(self._spans[0])
             else:
                 self.stop()

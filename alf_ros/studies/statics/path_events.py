@@ -16,7 +16,7 @@ the loads have no potential, or damping gives energy. It is found by bisection.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -109,7 +109,8 @@ class _Zeros:
                 yield from self.between(opposite, last)
                 return
             # the eigenvalue touches zero: the number turns where another path crosses
-            yield self._located(first, last, (lambda _, along: along.value,), BRANCH, 1)
+            touched = self._located(first, last, (lambda _, along: along.value,), BRANCH, 1)
+            yield replace(touched, count=_vanish(touched.point, first.point, last.point))
         elif _flutters(first.point) != _flutters(last.point):
             yield self._flutter(first, last)
 
@@ -244,6 +245,13 @@ def _product(first: int, last: int, at: PathPoint, _: PathDirection) -> float:
 def _turns(found: CriticalPoint, before: _Mark) -> bool:
     """Whether the number turns at a critical point, and not elsewhere in its step."""
     return abs(found.leaving.value) <= _TURNED * abs(before.direction.value)
+
+
+def _vanish(found: PathPoint, a: PathPoint, b: PathPoint) -> int:
+    """How many eigenvalues vanish between two points, at least one: two may change their signs the
+    opposite way at one place."""
+    most = np.maximum(np.abs(a.squares), np.abs(b.squares))
+    return max(1, int(np.count_nonzero(np.abs(found.squares) <= _TOGETHER * most)))
 
 
 def _flutters(point: PathPoint) -> bool:
