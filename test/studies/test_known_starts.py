@@ -151,3 +151,12 @@ def test_lengths_of_a_machine_whose_motion_is_prescribed() -> None:
     assert np.allclose(found.deviations, expected, rtol=2e-2)
     assert (np.abs(found.values - [0.253, 0.101]) < 4.0 * expected).all()
     assert found.settled and Simulation(found.fitted_scene).sample().joints['knee'].position < 0.0
+
+
+def test_a_mass_of_it_is_not_seen_at_all() -> None:
+    """Nothing depends on it; no deviation is made of rounding."""
+    scene = four_bar(step=1e-2)
+    recording = Machine(load_scene(scene), ('knee',), 0.5).recording(NOISE)
+    found = identify(scene, recording, ['coupler.mass'], window=0.25)
+    assert np.isinf(found.deviations).all()
+    assert 'not determined at all: 1.00 coupler.mass' in str(found)

@@ -16,6 +16,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 
 _UNSEEN = 1e-8  # singular value, of the largest, from which down rounding decides
+_NOTHING = 1e-6  # singular value of rounding: known to a million times its size, or worse
 _PART = 0.2  # of the largest part of a combination, from which on a number is named; and
 _SMALL = 5e-3  # the same if it is not determined: all that can replace each other are named
 
@@ -112,14 +113,14 @@ def known(
     norm = np.linalg.norm(whole, axis=0)
     root: Floats = np.linalg.qr(np.vstack([whole, np.zeros((P, P))]))[1]
     _, s, Vt = np.linalg.svd(root * sizes)
-    least = _UNSEEN * s.max(initial=0.0)
+    least = max(_UNSEEN * s.max(initial=0.0), _NOTHING)
     factor = np.sqrt(spread)
     seen = s > least
     combinations = tuple(
         Combination(dict(zip(names, row.tolist(), strict=True)), factor / x if yes else np.inf)
         for x, row, yes in zip(s.tolist(), Vt, seen.tolist(), strict=True)
     )
-    half = sizes[:, None] * Vt.T * (factor / np.maximum(s, least or 1.0))
+    half = sizes[:, None] * Vt.T * (factor / np.maximum(s, least))
     limit = half @ half.T
     spreads = np.sqrt(np.diag(limit))
     half = half[:, seen]
