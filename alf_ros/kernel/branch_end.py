@@ -57,7 +57,8 @@ def _leads_on(closing: Closing) -> bool:
     for _ in range(PATIENCE):
         known = True
         good = take_step(closing, s, h, True, True)
-        if not good and abs(h) < STALE * abs(last):
+        # the derivatives at the end of the line are rough if it went around a bend
+        if not good and (last == 0.0 or abs(h) < STALE * abs(last)):
             known = False
             good = take_step(closing, s, h, False, True)
         if good:

@@ -439,23 +439,31 @@ def test_an_empty_table_changes_nothing() -> None:
     [[math.nan]],
     [['1.4']],
     [[True]],
+    [[1.4], [True]],
     [[None]],
     [[10**400]],
     [[1.4 + 1.0j]],
     np.ma.masked_array([[1.4]], mask=[[True]]),
     'a',
     None,
+    np.array(1.4),
 ])  # fmt: skip
 def test_what_is_no_table_of_numbers_is_refused(slider: Closure, table: Any) -> None:
-    """Masked numbers, and the real parts of complex ones, were followed without a word."""
+    """Masked numbers, the real parts of complex ones, and truth values among numbers were followed
+    without a word."""
     with pytest.raises(InputError) as caught:
         slider.follow(table)
     assert str(caught.value) == 'table: not a table; expected rows of 1 finite numbers'
 
 
 def test_numbers_of_any_kind_make_a_table(slider: Closure) -> None:
-    tables: list[Any] = [[[1]], np.ones((1, 1), dtype=np.float32), np.ones((1, 1), dtype=object)]
-    assert [slider.follow(table)[0][0, 2] for table in tables] == pytest.approx([1.0] * 3)
+    tables: list[Any] = [
+        [[1]],
+        [[np.array(1)]],
+        np.ones((1, 1), dtype=np.float32),
+        np.ones((1, 1), dtype=object),
+    ]
+    assert [slider.follow(table)[0][0, 2] for table in tables] == pytest.approx([1.0] * 4)
 
 
 def test_the_row_that_is_too_far_is_named(slider: Closure) -> None:

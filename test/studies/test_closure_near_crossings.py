@@ -11,28 +11,32 @@ from alf_ros import Closure
 from alf_ros.arrays import Floats
 
 START = 0.9  # rad
+BARS = (1.0, 1.0, 2.0)  # m, crank, rocker and ground
 
 
-def b_of(coupler: float, angle: float) -> Floats:
-    """The place of B, left of the line from A to C: crank and rocker 1 m, ground 2 m."""
-    a = np.array([math.cos(angle), math.sin(angle)])
-    x, y = np.array([2.0, 0.0]) - a
+def b_of(coupler: float, angle: float, bars: tuple[float, float, float] = BARS) -> Floats:
+    """The place of B, left of the line from A to C."""
+    crank, rocker, ground = bars
+    a = crank * np.array([math.cos(angle), math.sin(angle)])
+    x, y = np.array([ground, 0.0]) - a
     across = math.hypot(x, y)
-    half = math.acos((coupler**2 + across**2 - 1.0) / (2.0 * coupler * across))
+    half = math.acos((coupler**2 + across**2 - rocker**2) / (2.0 * coupler * across))
     turned = math.atan2(y, x) + half
     return np.asarray(a + coupler * np.array([math.cos(turned), math.sin(turned)]))
 
 
-def closure_of(coupler: float, noise: float = 0.0) -> Closure:
+def closure_of(
+    coupler: float, noise: float = 0.0, bars: tuple[float, float, float] = BARS
+) -> Closure:
     rod = {'mass': 1, 'inertia': 'rod'}
     return Closure(
         {
             'alf': 1,
             'points': {
                 'O': {'at': [0, 0], 'fixed': True},
-                'C': {'at': [2, 0], 'fixed': True},
-                'A': {'at': [math.cos(START), math.sin(START)]},
-                'B': {'at': b_of(coupler, START).tolist()},
+                'C': {'at': [bars[2], 0], 'fixed': True},
+                'A': {'at': [bars[0] * math.cos(START), bars[0] * math.sin(START)]},
+                'B': {'at': b_of(coupler, START, bars).tolist()},
             },
             'bodies': {
                 'crank': {**rod, 'points': ['O', 'A']},
@@ -67,6 +71,21 @@ def test_branches_that_nearly_cross_are_not_confused(short: float) -> None:
             off = np.abs(posture.points['B'] - b_of(2.0 - short, angle)).max()
             assert off < (1e-8 if abs(angle) < 1e-3 else 1e-11), (spacing, angle, off)
             assert posture.missed_by < 1e-12
+
+
+@pytest.mark.parametrize('apart', [1e-3, 1.5e-4, 1e-5])
+def test_one_call_within_the_bend_does_not_leave_the_branch(apart: float) -> None:
+    """Equally spaced calls over the flat position at π, one of them where the branch bends."""
+    bars, coupler = (0.9, 0.86, 0.68), 0.9 + 0.68 - 0.86 + apart
+    closure = closure_of(coupler, 0.0, bars)
+    for spacing in (0.1, 0.126, 0.2):
+        for beside in math.sqrt(apart) * np.linspace(-2.0, 2.0, 25):
+            closure.restart()
+            for angle in (math.pi + beside + spacing * np.arange(-8, 4)).tolist():
+                posture = closure.close({'pin': angle})
+            off = np.abs(posture.points['B'] - b_of(coupler, angle, bars)).max()
+            assert off < 1e-11, (spacing, beside, off)
+            assert not posture.ambiguous
 
 
 @pytest.mark.parametrize('long', [1e-2, 1e-4, 1e-6])

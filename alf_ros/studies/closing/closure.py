@@ -181,9 +181,12 @@ class Closure:
         active = len(self.active)
         try:
             given = np.array(table)
+            # among numbers in a list, a truth value would become one of them
+            each = np.zeros(0) if isinstance(table, np.ndarray) else np.array(table, dtype=object)
         except ValueError:  # rows of different lengths
-            given = np.zeros(0)
+            given = each = np.zeros(0)
         real = given.dtype.kind in 'iuf' or all(map(is_number, given.flat))
+        real = real and not any(isinstance(x, (bool, np.bool_)) for x in each.flat)
         if not real or np.ma.is_masked(table) or given.shape[1:] != (active,):
             given = np.full((1, active), math.nan)
         given = given.astype(float)
