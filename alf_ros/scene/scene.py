@@ -219,7 +219,8 @@ def _names(parts: Collection[Any]) -> str:
     return ', '.join(part.name for part in islice(parts, html_table.MOST_ROWS))
 
 
-SceneSource = Scene | str | Path | Mapping[str, Any]  # what a scene is loaded from, or one
+# what a scene is loaded from, or one
+SceneSource = Scene | str | os.PathLike[str] | Mapping[str, Any]
 
 
 @paused()

@@ -14,13 +14,14 @@ from alf_ros.model import assembly
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.model.handedness import Handedness
+from alf_ros.scene.scene import SceneSource
 from alf_ros.simulation.input_checks import number, whole
 from alf_ros.studies.atlas.coordinate_reader import CoordinateReader
 from alf_ros.studies.atlas.map_coordinate import coordinate_named
 from alf_ros.studies.atlas.map_search import LARGEST
 from alf_ros.studies.atlas.random_places import RandomPlaces
 from alf_ros.studies.atlas.search_certainty import in_words, most_missing
-from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
+from alf_ros.studies.closing.actuated import refuse_velocity_rows, scene_of
 from alf_ros.studies.closing.stops import Stops, stops_of
 
 _SAME = 1e-7  # of the size: positions that are one
@@ -72,7 +73,7 @@ class Assemblies:
 
 
 def assemblies(
-    mechanism: Source,
+    mechanism: SceneSource,
     values: Mapping[str, float] | None = None,
     *,
     starts: int = 300,

@@ -16,6 +16,7 @@ from alf_ros.errors import InputError
 from alf_ros.logs.progress import Report, silent
 from alf_ros.mechanism import Mechanism
 from alf_ros.model.compile import Model
+from alf_ros.scene.scene import SceneSource
 from alf_ros.simulation.input_checks import number, text, whole
 from alf_ros.studies.atlas.curve_search import Node
 from alf_ros.studies.atlas.map_coordinate import MapCoordinate, coordinate_named
@@ -23,7 +24,7 @@ from alf_ros.studies.atlas.map_search import Held, MapRequest, Sheet, consistent
 from alf_ros.studies.atlas.mapped_piece import TRAVEL_LIMIT, MappedPiece, Turning
 from alf_ros.studies.atlas.search_certainty import in_words, most_missing
 from alf_ros.studies.atlas.transmission import Bar, bar_between
-from alf_ros.studies.closing.actuated import Source, refuse_velocity_rows, scene_of
+from alf_ros.studies.closing.actuated import refuse_velocity_rows, scene_of
 from alf_ros.studies.closing.stops import stopped
 
 _ALONE, _SHEET = 200, 40  # random starts in vain: without neighbours, and with them
@@ -151,7 +152,7 @@ class Atlas:
 
 
 def atlas(
-    mechanism: Source,
+    mechanism: SceneSource,
     over: str | Sequence[str] | None = None,
     *,
     levels: int | Sequence[float] | None = None,

@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,14 +22,13 @@ from alf_ros.model.constraints.row import Row
 from alf_ros.model.constraints.rows import joint_rows
 from alf_ros.model.joints import type_of
 from alf_ros.model.penalty import fitted
-from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.scene import Scene, SceneSource, load_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import started
 
-Source = Scene | str | os.PathLike[str] | Mapping[str, Any]
 _MOVES = 1e-7  # of the fastest motion: rate of a joint that a free motion moves
 
 
@@ -52,13 +50,11 @@ class Actuated:
     instruments: Instruments
 
 
-def scene_of(source: Source) -> Scene:
+def scene_of(source: SceneSource) -> Scene:
     """The scene of a name or path of a scene or a mechanism, or of a mapping of either.
 
     Raises InputError.
     """
-    if isinstance(source, Scene):
-        return source
     if isinstance(source, Mapping):
         return load_scene(source if 'mechanism' in source else {'mechanism': dict(source)})
     if isinstance(source, (str, os.PathLike)):

@@ -19,12 +19,13 @@ from alf_ros.kernel.posture_rates import linearise_posture, rate_matrix, rates_a
 from alf_ros.model.compile import allocate
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import found
+from alf_ros.scene.scene import SceneSource
 from alf_ros.simulation.input_checks import is_number, number, text, truth
 from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.state import State
-from alf_ros.studies.closing.actuated import Actuated, Source, actuated, scene_of
+from alf_ros.studies.closing.actuated import Actuated, actuated, scene_of
 from alf_ros.studies.closing.branch_sign import BranchSign
 from alf_ros.studies.closing.posture import Posture, Ways
 from alf_ros.studies.closing.stops import StoppedTravel, stops_of
@@ -63,7 +64,7 @@ class Closure:
 
     def __init__(
         self,
-        mechanism: Source,
+        mechanism: SceneSource,
         active: Sequence[str],
         noise: float | Mapping[str, float] = 0.0,
     ) -> None:
