@@ -316,6 +316,64 @@ def test_travel_of_a_crank_that_does_not_go_round() -> None:
     assert low == pytest.approx(-end, abs=1e-8)
 
 
+def _bar(*points: str) -> dict[str, Any]:
+    return {'points': list(points), 'mass': 1, 'inertia': {'about_com': 0.1}, 'com': [0, 0]}
+
+
+SLIDES = {  # two slides turn about O and C; out of them come bars that a hinge at H connects
+    'alf': 1,
+    'points': {
+        'O': {'at': [0.71, 0.06], 'fixed': True},
+        'C': {'at': [-0.72, 0.26], 'fixed': True},
+        'A': {'at': [0.14, 0.01]},
+        'B': {'at': [-0.46, 0.1]},
+        'H': {'at': [-0.36, 0.13]},
+        'M': {'at': [1.11, -0.22]},
+        'N': {'at': [-1.16, 0.66]},
+    },
+    'bodies': {
+        'first': _bar('O', 'M'),
+        'second': _bar('C', 'N'),
+        'out': _bar('A', 'H'),
+        'along': _bar('B', 'H'),
+    },
+    'joints': {
+        'at_O': {'type': 'revolute', 'between': ['ground', 'first'], 'at': 'O'},
+        'reach': {
+            'type': 'prismatic',
+            'between': ['first', 'out'],
+            'at': 'A',
+            'axis': [0.9, -0.44],
+        },
+        'at_C': {'type': 'revolute', 'between': ['ground', 'second'], 'at': 'C'},
+        'boom': {
+            'type': 'prismatic',
+            'between': ['second', 'along'],
+            'at': 'B',
+            'axis': [-1.0, -0.07],
+        },
+        'hinge': {'type': 'revolute', 'between': ['along', 'out'], 'at': 'H'},
+    },
+}
+
+
+@pytest.mark.parametrize('turned', [-1.0, 0.25, 0.75])
+def test_travel_to_dead_points_far_out(turned: float) -> None:
+    """Seen from the bars C moves along one line, O along another one, and |OC| is constant: a dead
+    point is where OC is perpendicular to the line of O. Long before it σ is small beside that of
+    the start."""
+    O, C, H = (np.array(SLIDES['points'][name]['at']) for name in 'OCH')  # type: ignore[index]
+    turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    along = np.array([-1.0, -0.07]) / np.hypot(1.0, 0.07)
+    normal = turn @ np.array([0.44, 0.9]) / np.hypot(0.44, 0.9)
+    away, apart = normal @ (C - H - turn @ (O - H)), np.linalg.norm(C - O)
+    ends = sorted((away + sign * apart) / (normal @ along) for sign in (-1.0, 1.0))
+    closure = Closure(SLIDES, ['boom', 'hinge'])
+    start = closure.start
+    posture = closure.close({'boom': start['boom'], 'hinge': start['hinge'] + turned})
+    assert posture.travel('boom') == pytest.approx(tuple(ends), abs=1e-9)
+
+
 def test_delta_robot_forward_and_inverse() -> None:
     """Forward: three spheres; inverse: the angles that lead back."""
     rb, a, rod, rp = 0.20, 0.25, 0.45, 0.06
