@@ -348,7 +348,7 @@ def go_along(closing: Closing, hasty: bool) -> float:
             h *= SHORTER if strict else 0.5
             if h < _FINEST * widest:
                 break
-        # beside a position where branches meet A holds the soft mode back: only exact steps are long
+        # beside a position where branches meet A holds the soft mode back, but not in exact steps
         exactly, again = beside or not (good and strict), good
     copy(closing.before, work.q)
     return s

@@ -320,7 +320,9 @@ def _bar(*points: str) -> dict[str, Any]:
     return {'points': list(points), 'mass': 1, 'inertia': {'about_com': 0.1}, 'com': [0, 0]}
 
 
-SLIDES = {  # two slides turn about O and C; out of them come bars that a hinge at H connects
+SLIDES: dict[
+    str, Any
+] = {  # two slides turn about O and C; out of them come bars that a hinge at H connects
     'alf': 1,
     'points': {
         'O': {'at': [0.71, 0.06], 'fixed': True},
@@ -360,18 +362,84 @@ SLIDES = {  # two slides turn about O and C; out of them come bars that a hinge 
 @pytest.mark.parametrize('turned', [-1.0, 0.25, 0.75])
 def test_travel_to_dead_points_far_out(turned: float) -> None:
     """Seen from the bars C moves along one line, O along another one, and |OC| is constant: a dead
-    point is where OC is perpendicular to the line of O. Long before it σ is small beside that of
-    the start."""
-    O, C, H = (np.array(SLIDES['points'][name]['at']) for name in 'OCH')  # type: ignore[index]
+    point is where OC is perpendicular to the line of O. Long before it σ is small."""
+    points = SLIDES['points']
+    base, C, H = (np.array(points[name]['at']) for name in 'OCH')
     turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
     along = np.array([-1.0, -0.07]) / np.hypot(1.0, 0.07)
     normal = turn @ np.array([0.44, 0.9]) / np.hypot(0.44, 0.9)
-    away, apart = normal @ (C - H - turn @ (O - H)), np.linalg.norm(C - O)
+    away, apart = normal @ (C - H - turn @ (base - H)), np.linalg.norm(C - base)
     ends = sorted((away + sign * apart) / (normal @ along) for sign in (-1.0, 1.0))
     closure = Closure(SLIDES, ['boom', 'hinge'])
     start = closure.start
     posture = closure.close({'boom': start['boom'], 'hinge': start['hinge'] + turned})
     assert posture.travel('boom') == pytest.approx(tuple(ends), abs=1e-9)
+
+
+TRIPOD: dict[
+    str, Any
+] = {  # a plate on three legs; two of its angles rest, and it turns by the third
+    'alf': 1,
+    'points': {
+        'A': {'at': [1.14, -0.12]},
+        'B': {'at': [0.63, 0.28]},
+        'C': {'at': [0.2, 0.22]},
+        'D': {'at': [-0.78, 0.61], 'fixed': True},
+        'E': {'at': [-0.18, 0.3]},
+        'F': {'at': [-0.05, 0.53]},
+        'G': {'at': [-0.72, -0.78], 'fixed': True},
+        'H': {'at': [-0.33, 0.14]},
+        'I': {'at': [-0.24, 0.23]},
+        'K': {'at': [-0.34, 0.5]},
+        'L': {'at': [-0.24, -0.64]},
+    },
+    'bodies': {
+        'plate': _bar('C', 'F', 'I'),
+        'slide': _bar('A', 'B'),
+        'bar': _bar('B', 'C'),
+        'second': _bar('D', 'K'),
+        'second_rod': _bar('E', 'F'),
+        'third': _bar('G', 'L'),
+        'third_rod': _bar('H', 'I'),
+    },
+    'joints': {
+        'guide': {
+            'type': 'prismatic',
+            'between': ['ground', 'slide'],
+            'at': 'A',
+            'axis': [0.78, 0.63],
+        },
+        'knee': {'type': 'revolute', 'between': ['slide', 'bar'], 'at': 'B'},
+        'first_hinge': {'type': 'revolute', 'between': ['bar', 'plate'], 'at': 'C'},
+        'second_pin': {'type': 'revolute', 'between': ['ground', 'second'], 'at': 'D'},
+        'second_length': {
+            'type': 'prismatic',
+            'between': ['second', 'second_rod'],
+            'at': 'E',
+            'axis': [0.39, 0.92],
+        },
+        'second_hinge': {'type': 'revolute', 'between': ['second_rod', 'plate'], 'at': 'F'},
+        'third_pin': {'type': 'revolute', 'between': ['ground', 'third'], 'at': 'G'},
+        'third_length': {
+            'type': 'prismatic',
+            'between': ['third', 'third_rod'],
+            'at': 'H',
+            'axis': [0.92, 0.39],
+        },
+        'third_hinge': {'type': 'revolute', 'between': ['third_rod', 'plate'], 'at': 'I'},
+    },
+}
+# rad: where the angle turns back, of a computation of its own (poses of rigid bodies as unknowns,
+# followed by arc length)
+TRIPOD_ENDS = -0.2029486788111, 8.8196255245594
+
+
+def test_an_angle_whose_travel_is_more_than_a_turn() -> None:
+    """A turn later the plate is elsewhere, so the next turn need not be possible."""
+    closure = Closure(TRIPOD, ['first_hinge', 'second_hinge', 'third_pin'])
+    posture = closure.close(closure.start)
+    assert posture.travel('second_hinge') == pytest.approx(TRIPOD_ENDS, abs=1e-9)
+    assert TRIPOD_ENDS[1] - TRIPOD_ENDS[0] > math.tau
 
 
 def test_delta_robot_forward_and_inverse() -> None:

@@ -276,8 +276,6 @@ class Closure:
             raise InputError('not an active joint', key='joint', value=joint, choices=self.active)
         n = self.active.index(joint)
         low, high = (self._end(state, at, n, sign) for sign in (-1.0, 1.0))
-        if self._reader.is_angle[n] and not self._reader.work.sums.size and math.isinf(high - low):
-            low, high = -math.inf, math.inf
         if truth(stops, 'stops') and self._stops:
             low, high = (self._stopped(state, at, n, end) for end in (low, high))
         return low, high
@@ -321,9 +319,8 @@ class Closure:
         """The end of the travel of an active joint in one direction, from its values `at`."""
         reader, size = self._read(state, at), self.model.size
         way = 2.0 * np.pi if reader.is_angle[n] else _LONG * size
-        # an angle that gears or threads count is in the same position after several turns only
-        turns = _TURNS if reader.is_angle[n] and reader.work.sums.size else 1
-        for _ in range(turns):
+        # an angle may be in the same position after several turns only, or end in a later one
+        for _ in range(_TURNS if reader.is_angle[n] else 1):
             reader.counts[CALLS] = 0  # no motion: it stays on this side of all dead points
             reader.wanted[:] = reader.asked
             reader.wanted[n] += sign * way

@@ -123,7 +123,7 @@ class Posture(Kinematics):
         stops: False for the loops alone. Where a joint is beyond a stop, there is no way on.
 
         (-inf, inf) for an angle that goes round; inf for a length beyond four times the size of
-        the mechanism, and where gears, threads or couplings count the angle, for an end beyond
+        the mechanism, and for an angle, as gears, threads or couplings count it, that ends beyond
         1000 turns or beyond postures 100 times the size away.
         Raises InputError for another name.
         """
