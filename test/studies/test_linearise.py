@@ -367,3 +367,14 @@ def test_an_output_in_a_kink_has_no_slope() -> None:
     assert 'kink' in of_force and 'kink' in of_output and 'j0' in of_output
     beside = linearise(equilibrium(chain(1, {**GRAVITY, 'joint_stop': {**stop, 'lower': -1.57}})))
     assert not beside.notes
+
+
+@pytest.mark.parametrize('in_tension', [1.0, 10.0])
+def test_a_damper_with_two_slopes_is_noted(in_tension: float) -> None:
+    """At rest the damping is of one side, unless both are the same."""
+    damper = {'between': ['P1', 'ground'], 'at': [None, [1.0, -1.0]]}
+    scene = chain(
+        1, {**GRAVITY, 'damper': {**damper, 'table': [[-1, -1], [0, 0], [1, in_tension]]}}
+    )
+    notes = linearise(scene).notes
+    assert ['kink at this velocity' in note for note in notes] == [True] * (in_tension != 1.0)

@@ -74,14 +74,15 @@ class ForceChange:
             found += slope_at_zero(self._along(self._rest, dq, dqd), steps).slopes
         return found
 
-    def has_kink(self, directions: Floats, length: float) -> bool:
+    def has_kink(self, directions: Floats, length: float, *, in_speed: bool = False) -> bool:
         """Whether the forces bend within a length (m) of here along one of the directions (k, n),
-        so that their derivative belongs to one side."""
+        so that their derivative belongs to one side; `in_speed`: of velocities, within m/s."""
         _, q, _, _ = self._at
-        along, still = np.zeros_like(q), np.zeros_like(q)
         for direction in directions:
+            along, still = np.zeros_like(q), np.zeros_like(q)
             along[: direction.size] = direction * (length / max(np.abs(direction).max(), 1e-300))
-            force = self._along(self._whole, along, still)
+            change = (still, along) if in_speed else (along, still)
+            force = self._along(self._whole, *change)
             ahead, here, behind = force(1.0), force(0.0), force(-1.0)
             bend = float(np.abs(ahead - 2.0 * here + behind).max(initial=0.0))
             rounding = _ROUNDED * float(np.abs(here).max(initial=0.0))

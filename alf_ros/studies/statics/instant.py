@@ -160,6 +160,12 @@ class Instant:
         length = _IN_A_KINK * self.loads.tangents.length
         return self.change().has_kink(self.position_directions.T, length)
 
+    @property
+    def is_kinked_in_speed(self) -> bool:
+        """Whether a force has a kink here for free changes of velocity: C is of one side."""
+        speed = _IN_A_KINK * self.loads.tangents.length  # m/s
+        return self.change().has_kink(self.velocity_directions.T, speed, in_speed=True)
+
     @cached_property
     def Q(self) -> Floats:
         """(blocks D,) N."""

@@ -100,6 +100,8 @@ def linearise(
     notes += read_at(instant)
     if instant.is_kinked:
         notes.append('a force has a kink here: the model holds on one side of it')
+    if instant.is_kinked_in_speed:
+        notes.append('a force has a kink at this velocity: the damping is of one side of it')
     kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]
     if kinked:
         notes.append(f'in a kink, without a slope (NaN): {", ".join(kinked)}')
