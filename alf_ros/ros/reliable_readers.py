@@ -5,8 +5,8 @@ new one. So a publisher in a hurry waits before it gives up a message that reade
 that it does not wait: readers have a message long before they tell so. They are asked only where
 the history is full; otherwise they tell every few seconds. The history is empty then, so whoever
 counts its messages has to look from time to time. They are also asked after as many bytes as the
-buffer of a socket holds. A history of more bytes is then empty in part, and not full when the count
-says so: `depth_within` keeps a history short.
+buffer of a socket holds. A history of more bytes is then empty in part, and not full when the
+count says so: `depth_within` keeps a history short.
 """
 
 from __future__ import annotations
