@@ -54,6 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         animation.check_format(paths.named(options.animation, '--animation'))
     logs = [load(path) for path in options.logs]
     target = paths.named(options.output, '--output') if options.output else _beside(logs)
+    _refuse_own_files(target, logs)
     accounts = []
     for log in logs:
         with ProgressBar(log.path.name) as bar:
@@ -76,6 +77,15 @@ def main(argv: Sequence[str] | None = None) -> int:
                     written = write(log, below, bar)
                 print(f'{below}: {len(written)} files')
     return 0
+
+
+def _refuse_own_files(target: Path, logs: Sequence[Log]) -> None:
+    """Raises InputError if the page would replace a file of a log."""
+    for log in logs:
+        own = [*log.files, log.path / 'metadata.yaml']
+        if target.resolve() in [file.resolve() for file in own]:
+            text = 'a file of the log, and left as it is'
+            raise InputError(text, key='--output', value=str(target), expected='a page: .html')
 
 
 def _of_solids(accounts: Sequence[Account]) -> str:

@@ -4,7 +4,9 @@ A middleware keeps the last messages for readers that lack them, and gives up th
 new one. So a publisher in a hurry waits before it gives up a message that readers may lack. Before
 that it does not wait: readers have a message long before they tell so. They are asked only where
 the history is full; otherwise they tell every few seconds. The history is empty then, so whoever
-counts its messages has to look from time to time.
+counts its messages has to look from time to time. They are also asked after as many bytes as the
+buffer of a socket holds. A history of more bytes is then empty in part, and not full when the
+count says so: `depth_within` keeps a history short.
 """
 
 from __future__ import annotations
@@ -20,6 +22,13 @@ PATIENCE = 3.0  # s, with readers that do not follow, and at the end
 # messages; much less than the few seconds of their turn, and so long that ticks in real time do
 # not look
 _SLOW, _GAP = 2e-3, 0.1
+_BYTES = 1 << 16  # of a history, a third of the buffer of a socket
+_HEAD = 128  # bytes of a message beside its data
+
+
+def depth_within(most: int, largest: int) -> int:
+    """How many messages, `most` at most, a history may keep; largest: bytes of one of them."""
+    return min(most, max(1, _BYTES // (_HEAD + largest)))
 
 
 class ReliableReaders:

@@ -394,6 +394,16 @@ def test_what_cannot_be_done_is_one_line(planar, tmp_path):
         assert len(done.stderr.splitlines()) == 1
 
 
+def test_a_page_never_replaces_a_file_of_its_log(planar, tmp_path):
+    log = shutil.copytree(planar, tmp_path / 'log')
+    (link := tmp_path / 'page.html').symlink_to(next(log.glob('*.mcap')))
+    before = {file: file.read_bytes() for file in log.iterdir()}
+    for target in (*before, link):
+        with pytest.raises(InputError, match='--output: a file of the log, and left as it is'):
+            main([str(log), '-o', str(target)])
+    assert {file: file.read_bytes() for file in log.iterdir()} == before
+
+
 def test_a_name_cannot_end_the_data(planar, tmp_path):
     found = account(load(planar))
     found.name = '</script><script>alert(1)</script>'

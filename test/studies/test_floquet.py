@@ -217,3 +217,52 @@ def test_rotors_turn_on() -> None:
     np.testing.assert_allclose(
         np.sort_complex(found.multipliers), np.sort_complex(expected), rtol=1e-9
     )
+
+
+def test_a_motion_that_stays_in_a_kink_is_refused() -> None:
+    """A link turns on an arm, at the edge of its stop: free to one side, and held to the other."""
+    mechanism = {
+        'alf': 1,
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}, 'B': {'at': [2, 0]}},
+        'bodies': {
+            'arm': {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod'},
+            'link': {'points': ['A', 'B'], 'mass': 1.0, 'inertia': 'rod'},
+        },
+        'joints': {
+            'hip': {'type': 'revolute', 'between': ['ground', 'arm'], 'at': 'O'},
+            'knee': {'type': 'revolute', 'between': ['arm', 'link'], 'at': 'A'},
+        },
+    }
+    scene = {
+        'mechanism': mechanism,
+        'drives': {'turn': {'joint': 'hip', 'angle': '5*t'}},
+        'initial': {'velocities': {'B': [0, 10.0]}},
+        'effects': {'joint_stop': {'joint': 'knee', 'lower': 0, 'stiffness': 9.0, 'exponent': 1}},
+    }
+    with pytest.raises(InputError, match='stays in a kink of a force'):
+        floquet(load_scene(scene), period=2.0 * math.pi / 5.0)
+
+
+def test_a_motion_through_a_kink_is_neutral() -> None:
+    """A bob on a spring, which begins where a second one begins to act."""
+    mechanism = {
+        'alf': 1,
+        'points': {'B': {'at': [0, 0]}},
+        'bodies': {'bob': {'points': ['B'], 'mass': 1.0, 'inertia': 'point'}},
+        'joints': {
+            'rail': {
+                'type': 'slider',
+                'point': 'B',
+                'on': {'through': [0, 0], 'direction': [1, 0]},
+            }
+        },
+    }
+    spring = {'between': ['bob', 'ground'], 'at': [None, [0, 0]], 'stiffness': 100.0}
+    stop = {'joint': 'rail', 'lower': 0, 'stiffness': 400.0, 'exponent': 1}
+    scene = {
+        'mechanism': mechanism,
+        'initial': {'velocities': {'B': [1.0, 0]}},
+        'effects': {'spring': {'near': spring}, 'joint_stop': stop},
+    }
+    found = floquet(load_scene(scene), period=math.pi * (1.0 / 10.0 + 1.0 / math.sqrt(500.0)))
+    assert found.verdict == 'neutral' and found.multipliers == pytest.approx([1.0, 1.0], abs=1e-3)

@@ -487,6 +487,23 @@ def test_a_limit_that_no_design_holds_is_not_active() -> None:
     assert not found.is_feasible and found.active in ((), ('a',))
 
 
+def test_a_limit_that_cannot_be_met_is_told_before_all_designs_are_spent() -> None:
+    """Beside a number that does not change it, SLSQP never ends by itself."""
+    scene = whirled_bob()
+    scene['effects'] = {'joint_effort': {'push': {'joint': 'pin', 'effort': 1.0}}}
+    found = optimise(
+        scene,
+        {'push.effort': [-1.0, 3.0]},
+        'rms(drives.motor.effort)',
+        subject_to={'max(points.B.x)': [None, 0.1]},
+        duration=0.2,
+        period=0.05,
+    )
+    assert not found.is_feasible and len(found.starts[0].tried) < 150
+    told = 'the search has not settled: designs come no nearer to the limits of max(points.B.x)'
+    assert told in found.notes
+
+
 # ---------------------------------------------------------------------------- quantities that jump
 
 ARM = arm(3.0)

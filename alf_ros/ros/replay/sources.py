@@ -16,15 +16,16 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from alf_ros.errors import InputError
 from alf_ros.logs.log import Log
-from alf_ros.logs.mcap_chunks import Contents, blocks
+from alf_ros.logs.mcap_chunks import Block, Contents, blocks
 from alf_ros.logs.progress import Report, silent
 from alf_ros.logs.resume import resume
 from alf_ros.logs.stamps import stamp_ns
 from alf_ros.ros.recording.run_writer import RunWriter, full_names, ticks
+from alf_ros.ros.reliable_readers import depth_within
 from alf_ros.simulation.observables import READINGS
 from alf_ros.simulation.setup import Setup
 
-_DEPTH = 1000
+_DEPTH = 1000  # messages at most in a queue that is deeper than in the log, for bursts
 
 Topics = dict[str, tuple[type, QoSProfile]]
 
@@ -55,6 +56,7 @@ class Recorded:
     def __init__(self, log: Log, report: Report = silent) -> None:
         self.topics: Topics = {}
         self._types: dict[str, str] = {}
+        self._largest: dict[str, int] = {}  # bytes of a message of each topic
         self._latched: list[StampedMessage] = []
         self._places: list[tuple[int, int]] = []  # of each chunk: file, byte
         self._ends: list[int] = []
@@ -69,15 +71,20 @@ class Recorded:
                     self._places.append((number, begin))
                     self._ends.append(int(block.stamp.max()))
                     first = min(first, int(block.stamp.min()))
-                    self._keep_latched(contents, block)
+                    self._note_topics(contents, block)
                 begin = block.read
                 report((before + begin) / size)
             before += file.stat().st_size
         if not self._ends:
             raise InputError('an empty log', file=str(log.path))
         self.first, self.last = first, max(self._ends)
+        for topic, (_, qos) in self.topics.items():
+            if not _is_latched(qos):
+                qos.depth = max(qos.depth, depth_within(_DEPTH, self._largest.get(topic, 0)))
 
-    def _keep_latched(self, contents: Contents, block: Any) -> None:
+    def _note_topics(self, contents: Contents, block: Block) -> None:
+        """Type, QoS and size of the topics of a chunk, and what of it is latched."""
+        sizes = block.end - block.start
         for channel in contents.channels.values():
             known = self._types.setdefault(channel.topic, channel.type)
             if channel.type != known:
@@ -85,8 +92,11 @@ class Recorded:
                 raise InputError(text, key=channel.topic, expected=expected)
             if channel.topic not in self.topics:
                 self.topics[channel.topic] = message_class(channel.type), _qos(channel.metadata)
+            own = block.channel == channel.id
+            largest = self._largest.get(channel.topic, 0)
+            self._largest[channel.topic] = int(sizes[own].max(initial=largest))
             if _is_latched(self.topics[channel.topic][1]):
-                for k in (block.channel == channel.id).nonzero()[0].tolist():
+                for k in own.nonzero()[0].tolist():
                     item = StampedMessage(int(block.stamp[k]), channel.topic, block.message(k))
                     self._latched.append(item)
 
@@ -184,10 +194,7 @@ def stamp_of(log: Log, t: float) -> int:
 
 
 def _qos(metadata: dict[str, str]) -> QoSProfile:
-    """QoS as offered, with a deep queue for bursts, unless the topic is transient local.
-
-    Raises InputError for an invalid QoS.
-    """
+    """QoS as offered. Raises InputError for an invalid QoS."""
     text = metadata.get('offered_qos_profiles', '')
     try:
         profiles = yaml.safe_load(text) or [{}]
@@ -201,8 +208,6 @@ def _qos(metadata: dict[str, str]) -> QoSProfile:
         )
     except (yaml.YAMLError, AttributeError, LookupError, TypeError, ValueError, RecursionError):
         raise InputError('not a QoS of a topic', value=text) from None
-    if not _is_latched(qos):
-        qos.depth = max(_DEPTH, qos.depth)
     return qos
 
 

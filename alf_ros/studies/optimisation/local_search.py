@@ -8,6 +8,9 @@ A step may lead to a design that cannot be: loops that do not close, a run that 
 without derivative. It is refused. `least_squares` then tries a quarter of the step. SLSQP has no
 such rule. It begins again at the last design that it accepted, in a box around it half as large as
 the refused step; if it ends at a side of this box, the box grows.
+
+Where limits cannot be met, SLSQP goes back and forth between designs outside of them until it is
+stopped. It ends where many designs in a row come no nearer to the limits than one before them.
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ _NO_DESCENT = 8  # status of SLSQP: its direction does not lead down
 _MOST_BOXES = 60
 _SMALLEST = 1e-6  # half side of a box
 _AT_SIDE = 1e-9
+_NEARER = 1e-3  # part of its distance from the limits by which a design has to come nearer
+_MOST_ASIDE = 8  # designs in a row that SLSQP accepts and that do not
 OUTSIDE = 1e-6  # part of a limit that a design may be outside
 _ENDS = {
     0: 'too many designs',
@@ -60,6 +65,10 @@ class _TooManyError(Exception):
     """All designs of a search are spent."""
 
 
+class _OutsideError(Exception):
+    """Designs come no nearer to the limits."""
+
+
 class _LevelError(Exception):
     """The gradient is 0 but for rounding; scipy would divide by it."""
 
@@ -79,6 +88,9 @@ class _Search:
         self._designs, self._most = designs, most
         self._begun = len(designs.tried)
         self._anchor: Design | None = None
+        # outside of the limits: the nearest design, its distance, and those that came no nearer
+        self._nearest: Design | None = None
+        self._distance, self._aside = np.inf, 0
 
     def parts(self, values: Floats) -> Floats:
         numbers = self._designs.numbers
@@ -159,6 +171,9 @@ class _Search:
                 continue
             except _TooManyError:
                 return LocalOptimum(self._anchor, False, _ENDS[0])
+            except _OutsideError:
+                assert self._nearest is not None
+                return LocalOptimum(self._nearest, False, self._missed(self._nearest))
             ended, last = np.clip(done.x, low, high), self._anchor
             self._anchor = self._designs.at(self.values(ended))
             fallen = self._objective(last)[0] - self._objective(self._anchor)[0]
@@ -187,7 +202,8 @@ class _Search:
             return self._objective(tried(u))[0] / scale
 
         def slope(u: Floats) -> Floats:
-            self._anchor = tried(u)  # only where a line search has ended
+            self._accept(tried(u))  # only where a line search has ended
+            assert self._anchor is not None
             return self._objective(self._anchor)[1] / scale
 
         limits: tuple[dict[str, Any], ...] = ()
@@ -204,6 +220,24 @@ class _Search:
             constraints=limits,
             options={'ftol': _FLAT, 'maxiter': self._most},
         )
+
+    def _accept(self, design: Design) -> None:
+        """Raises _OutsideError where SLSQP comes no nearer to limits that no design has met."""
+        before, self._anchor = self._anchor, design
+        if design is before or self._distance <= OUTSIDE:
+            return
+        distance = -self._rooms(design)[0].min(initial=0.0)
+        self._aside = 0 if distance < (1.0 - _NEARER) * self._distance else self._aside + 1
+        if distance < self._distance:
+            self._nearest, self._distance = design, distance
+        if self._aside >= _MOST_ASIDE and self._distance > OUTSIDE:
+            raise _OutsideError
+
+    def _missed(self, design: Design) -> str:
+        """The limits that a design does not meet, in words."""
+        limits = zip(self._designs.limits, design.limited, strict=True)
+        names = [limit.goal.text for limit, asked in limits if limit.room(asked.value) < -OUTSIDE]
+        return f'designs come no nearer to the limits of {", ".join(names)}'
 
     def _objective(self, design: Design) -> tuple[float, Floats]:
         """The objective, of a path error its square, and its slope by u."""

@@ -108,8 +108,8 @@ def floquet(about: SceneSource | Simulation, *, period: float) -> FloquetModel:
     computed with `dop853_adaptive` at a tolerance of 1e-11. Held inputs stay.
 
     Raises InputError if the motion is not periodic, with the distance that it misses; where
-    nothing is free; in a singular position; where tangents are refused (see
-    `Simulation(tangents=…)`); and for more than 1200 coordinates.
+    nothing is free; in a singular position; for a motion that stays in a kink of a force; where
+    tangents are refused (see `Simulation(tangents=…)`); and for more than 1200 coordinates.
     """
     period = number(period, 'period')
     if not period > 0.0:
@@ -123,6 +123,13 @@ def floquet(about: SceneSource | Simulation, *, period: float) -> FloquetModel:
         raise InputError('nothing is free: drives and rows hold every motion', key='floquet')
     run, steps = _begun(base, instant, period)
     flow = _flow(instant, run.sample())
+    if instant.is_kinked:  # a motion through the kink leaves it at once, and has tangents
+        run.step(1)
+        later = run.state
+        if Instant(loads, run.t, later.q, later.qd, later.turns).is_kinked:
+            text = 'the motion stays in a kink of a force: deviations to its sides differ'
+            raise InputError(text, key='effects')
+        steps -= 1
     run.step(steps)
     end = run.state
     miss, part = _checked_miss(instant, end.q, end.qd, period)
