@@ -13,7 +13,7 @@ from alf_ros.kernel.companion import (
     part_to_kink,
     tell,
 )
-from alf_ros.kernel.crossed_kinks import next_aim, passed, shorter
+from alf_ros.kernel.crossed_kinks import across_kinks, next_aim, passed, shorter
 from alf_ros.kernel.data import Bearings, Method, Phase, Problem, Span, System, Work
 from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.interpolated_stages import linearise_aside
@@ -141,7 +141,7 @@ def advance_adaptively(
         forget_end(problem.forces.bearings)
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, goal = 0.0, 0.0  # goal: where a step has to end besides the grid point
-        since = 0.0  # s since a kink was crossed
+        since, cuts = 0.0, 0  # s since a kink was crossed; pieces on the way to crossings
         result, tried, refused = OK, 0, 0
         trial = False  # whether the step only tells if the balance of friction ends
         floor = 1.0  # what rounding leaves of the error, whatever the step
@@ -190,10 +190,11 @@ def advance_adaptively(
                     goal, begun = done + part * dt, True
                     continue
             if error <= floor and is_accompanied(problem):
-                part = part_to_kink(problem, phase, begin, dt, h)
-                length = shorter(part, dt, h)
+                across = across_kinks(cuts, h)
+                part = part_to_kink(problem, phase, begin, dt, h, across)
+                length = shorter(part, dt, across)
                 if length < dt:
-                    goal, begun = done + length, True
+                    goal, cuts, begun = done + length, cuts + 1, True
                     continue
                 if part < 0.0:
                     result = FORCE_JUMPS

@@ -58,9 +58,11 @@ def begin_interval(problem: Problem, t: float, end: float, h: float) -> None:
 
 
 @inlined
-def part_to_kink(problem: Problem, phase: Phase, t: float, h: float, whole: float) -> float:
+def part_to_kink(
+    problem: Problem, phase: Phase, t: float, h: float, whole: float, across: float
+) -> float:
     """`crossed_kinks.crossed`, where steps end at kinks that are crossed; else 1."""
     work = problem.work
     if work.divider.size == ZERO:
         return 1.0
-    return call_for_number(work.divider[ZERO], problem, phase, t, h, whole)
+    return call_for_number(work.divider[ZERO], problem, phase, t, h, whole, across)

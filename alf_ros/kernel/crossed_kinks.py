@@ -8,6 +8,10 @@ across, and behind it they grow, as slopes may change fast beside a crossing. Th
 crossing is read from the motion between the ends of a step, as for kinks that are met and left
 (`grazed_kinks`), in shorter and shorter steps.
 
+A motion that begins at a kink, as at rest on the edge of a stop, comes no nearer in such pieces:
+each moves it by less than rounding, or to another side. So the piece that goes across grows with
+the number of pieces.
+
 A force that jumps there would leave the derivatives an error of the size of the jump, which nobody
 would see. So both sides are compared in the piece that goes across, and such a run ends.
 """
@@ -26,8 +30,8 @@ from alf_ros.kernel.grazed_kinks import end_in_arcs, keep_end, place, restore_en
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, by_address, inlined, inner
 from alf_ros.kernel.numba_ext.vectors import largest, zero
 
-CROSSINGS = 400  # pieces of a step, at most
 _TINY = 1e-9  # of a step of the grid
+_USUAL = 40  # how often a step is shortened where it crosses one kink, at most
 _LEFT = 0.25  # of the way to the crossing
 _GROWS = 3.0  # times the time since the crossing
 _EARLY = 0.25  # part of a step: a crossing in it is looked for again in a shorter one,
@@ -37,11 +41,13 @@ _JUMPS = 1e-6  # of the forces: what is more is no rounding
 _FELT = 1e-9  # of the force that would stop the motion within a step of the grid
 
 
-def crossed(problem: Problem, phase: Phase, t: float, h: float, whole: float) -> float:
+def crossed(
+    problem: Problem, phase: Phase, t: float, h: float, whole: float, across: float
+) -> float:
     """The part of the step of h (s) from `phase` at t (s), which ended in `work`, at which the
     motion has come to the other side of a kink; 1 if it stays, -1 if a force jumps there: the
     number of its kind stands in `work.divider` then, and 1 if it jumps over time. whole: the step
-    of the grid, s.
+    of the grid, s. across: the length of a piece that goes across a kink, s.
 
     Needs q, q̇ of the end and the rates of the stages in `work`. Leaves q and q̇ there.
     """
@@ -61,7 +67,7 @@ def crossed(problem: Problem, phase: Phase, t: float, h: float, whole: float) ->
             low = part
         else:
             high = part
-    jumps = h <= 2.0 * _TINY * whole and _one_jumps(problem, phase, t, h, whole, low, high)
+    jumps = h <= 2.0 * across and _one_jumps(problem, phase, t, h, whole, low, high)
     restore_end(problem)
     return -1.0 if jumps else min(high, 1.0 - 1e-12)
 
@@ -111,7 +117,7 @@ def _differ(before: Floats, behind: Floats, n: int, felt: float) -> bool:
 def divider(dimension: int) -> Any:
     """The compiled function for 2 or 3 dimensions; its `address` is what `Work` holds."""
     structs = Problem._numba_type(dimension), Phase._numba_type()
-    return by_address(types.float64(*structs, *(3 * (types.float64,))))(crossed)
+    return by_address(types.float64(*structs, *(4 * (types.float64,))))(crossed)
 
 
 @inlined
@@ -122,6 +128,13 @@ def passed(since: float, part: float, h: float) -> float:
 
 
 @inlined
+def across_kinks(cuts: int, whole: float) -> float:
+    """How long (s) a piece is that goes across a kink, where the step of the grid of `whole` (s)
+    was shortened so often."""
+    return _TINY * 2.0 ** (cuts // _USUAL) * whole
+
+
+@inlined
 def next_aim(done: float, since: float, h: float) -> float:
     """Where (s) the next piece of a step of the grid of h ends."""
     aim = done + _GROWS * since
@@ -129,11 +142,11 @@ def next_aim(done: float, since: float, h: float) -> float:
 
 
 @inner
-def shorter(part: float, h: float, whole: float) -> float:
+def shorter(part: float, h: float, across: float) -> float:
     """How long (s) a step of h is instead, that crosses a kink at a part of it: h if it is short
-    enough; whole: the step of the grid."""
-    if part == 1.0 or h <= 2.0 * _TINY * whole:
+    enough; across: the length of a piece that goes across."""
+    if part == 1.0 or h <= 2.0 * across:
         return h
     if part < _EARLY:
-        return max(_AGAIN * part * h, _TINY * whole)
+        return max(_AGAIN * part * h, across)
     return (1.0 - _LEFT) * part * h

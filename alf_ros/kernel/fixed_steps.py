@@ -9,7 +9,7 @@ from alf_ros.kernel.companion import (
     part_to_kink,
     tell,
 )
-from alf_ros.kernel.crossed_kinks import CROSSINGS, next_aim, passed, shorter
+from alf_ros.kernel.crossed_kinks import across_kinks, next_aim, passed, shorter
 from alf_ros.kernel.data import Phase, Problem, Span
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.kinks_over_time import end_of_drives, just_behind, piece_to_kink
@@ -72,9 +72,10 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
             if result == OK and is_accompanied(problem):
-                part = part_to_kink(problem, phase, begin, dt, h)
-                length = shorter(part, dt, h)
-                if length < dt and cuts < CROSSINGS:
+                across = across_kinks(cuts, h)
+                part = part_to_kink(problem, phase, begin, dt, h, across)
+                length = shorter(part, dt, across)
+                if length < dt:
                     aim, cuts, begun = done + length, cuts + 1, True
                     continue
                 since = passed(since, part, dt)

@@ -22,7 +22,7 @@ from alf_ros.kernel.companion import (
     part_to_kink,
     tell,
 )
-from alf_ros.kernel.crossed_kinks import CROSSINGS, next_aim, passed, shorter
+from alf_ros.kernel.crossed_kinks import across_kinks, next_aim, passed, shorter
 from alf_ros.kernel.data import (
     EPS,
     Method,
@@ -360,9 +360,10 @@ def advance_implicitly(
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
             if good and is_accompanied(problem):
-                part = part_to_kink(problem, phase, begin, dt, h)
-                length_to = shorter(part, dt, h)
-                if length_to < dt and crossings < CROSSINGS:
+                across = across_kinks(crossings, h)
+                part = part_to_kink(problem, phase, begin, dt, h, across)
+                length_to = shorter(part, dt, across)
+                if length_to < dt:
                     goal, crossings = done + length_to, crossings + 1
                     continue
                 if part < 0.0:

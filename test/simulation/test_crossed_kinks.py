@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from alf_ros import Scene, Simulation, StepError, gradient, load_scene
+from alf_ros.arrays import Floats
 from support.recordings import changed
 from support.thorough import thinned
 
@@ -97,6 +99,32 @@ def test_pieces_do_not_move_the_motion() -> None:
         for simulation in (followed, plain):
             simulation.step(round(0.9 / simulation.h))
         assert np.abs(followed.state.q - plain.state.q).max() < off
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43_adaptive'])
+def test_a_start_at_rest_on_the_edge_of_a_stop(integrator: str) -> None:
+    """Pieces of the first step came no nearer to the edge; with a tolerance the run ended there."""
+    edge, k, g, m = float(np.arctan2(0.8, 0.6)), 900.0, 9.81, 1.0
+    stop = {'joint': 'pin', 'lower': edge, 'stiffness': k, 'exponent': 1}
+    changes = {'mechanism.points.A.at': [0.6, 0.8], 'effects.joint_stop.end': stop}
+    scene = changed(pendulum('stop'), changes)
+    simulation = Simulation(
+        scene, integrator=integrator, step=1e-3, tolerance=1e-10, tangents=['m']
+    )
+    simulation.step(100)
+
+    def rates(t: float, y: Floats) -> list[float]:
+        x, v, dx, dv = y
+        a = 3.0 * k / m * (edge - x) - 1.5 * g * np.cos(x)
+        da = -3.0 * k / m**2 * (edge - x) - 3.0 * k / m * dx + 1.5 * g * np.sin(x) * dx
+        return [v, a, dv, da]
+
+    y = solve_ivp(rates, (0.0, 0.1), [edge, 0.0, 0.0, 0.0], rtol=1e-12, atol=1e-14).y[:, -1]
+    sample = simulation.sample()
+    found = sample.joints['pin'], sample.tangents['m'].joints['pin']
+    assert found[0].position == pytest.approx(y[0], abs=1e-8)
+    assert [found[1].position, found[1].velocity] == pytest.approx(y[2:], rel=3e-6)
+    assert simulation.evaluations < 12_000
 
 
 HEAD = '''"""A torque on a joint."""

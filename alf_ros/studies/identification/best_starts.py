@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import AlfError, StoppedError
+from alf_ros.errors import AlfError
 from alf_ros.studies.identification.gauss_newton import best_gain, best_step
 from alf_ros.studies.identification.weighed_windows import WeighedWindows
 from alf_ros.studies.identification.window import Window
-from alf_ros.studies.identification.window_runs import Misfit, WindowStart
+from alf_ros.studies.identification.window_runs import Misfit, WindowStart, succeeded
 
 _MOST = 60  # steps
 _LOST, _NOISY = 0.1, 30.0  # parts of the motion of a joint; times its noise
@@ -26,10 +26,8 @@ def best_starts(
     most: int = _MOST,
 ) -> tuple[Floats, ...]:
     """The best start of each window with shared numbers that stay, by so many Gauss-Newton steps
-    at most, which are shortened where they gain nothing.
-
-    Raises AlfError if a run cannot begin.
-    """
+    at most, which are shortened where they gain nothing. A start from which no run succeeds
+    stays."""
     found = list(free)
     going = [n for n, own in enumerate(found) if own.size]
     for _ in range(most):
@@ -78,6 +76,8 @@ def _steps(
     """Of the windows that are not at their best starts: a step there, and ½ Σ φ² here."""
     starts, found = [(windows.windows[n], free[n]) for n in going], {}
     for n, start, misfit in zip(going, starts, windows.by_starts(starts, shared), strict=True):
+        if isinstance(misfit, AlfError):
+            continue
         value, J = windows.rooted(*start, misfit)
         cost = 0.5 * float(value @ value)
         if best_gain(value, J) > tolerance * cost:
@@ -87,26 +87,22 @@ def _steps(
 
 def costs(windows: WeighedWindows, starts: Sequence[WindowStart], shared: Floats) -> list[float]:
     """½ Σ φ² of windows; infinite where a run fails."""
-    try:
-        misfits = windows.misfits(starts, shared, False)
-    except StoppedError:
-        raise
-    except AlfError:
-        if len(starts) == 1:
-            return [np.inf]
-        return [cost for start in starts for cost in costs(windows, [start], shared)]
-    each = [
-        windows.rooted(*start, misfit)[0] for start, misfit in zip(starts, misfits, strict=True)
-    ]
-    return [0.5 * float(value @ value) for value in each]
+    found = []
+    for start, misfit in zip(starts, windows.attempts(starts, shared), strict=True):
+        if isinstance(misfit, AlfError):
+            found.append(np.inf)
+        else:
+            value, _ = windows.rooted(*start, misfit)
+            found.append(0.5 * float(value @ value))
+    return found
 
 
 def nearer_starts(windows: WeighedWindows, shared: Floats, free: Sequence[Floats]) -> list[Floats]:
-    """The starts of the windows a Gauss-Newton step nearer to the best ones."""
+    """The starts of the windows a Gauss-Newton step nearer to the best ones. Raises AlfError."""
     starts = windows.begun(free)
     found = []
-    for (window, own), misfit in zip(starts, windows.by_starts(starts, shared), strict=True):
-        found.append(own + best_step(*windows.rooted(window, own, misfit)))
+    for (window, own), each in zip(starts, windows.by_starts(starts, shared), strict=True):
+        found.append(own + best_step(*windows.rooted(window, own, succeeded(each))))
     return found
 
 

@@ -48,7 +48,7 @@ def handed_over(
         chart, is_known = track.start(window.first * runs.h), isinstance(window.chart, SceneStart)
         begun = window if is_known else replace(window, chart=chart)
         try:
-            cost = _begin_best(begun, weighed, shared)
+            (cost,) = _begin_best([begun], weighed, shared)
             if (
                 end is None
                 and not is_known
@@ -65,17 +65,19 @@ def handed_over(
 
 
 def _begin_best(
-    window: Window,
+    windows: Sequence[Window],
     weighed: Callable[[Sequence[Window]], WeighedWindows],
     shared: Floats,
     most: int = _MOST,
-) -> float:
-    """Let a window begin as fits best, after so many steps at most; returns ½ Σ φ²."""
-    fit, chart = weighed([window]), window.chart
-    assert chart is not None
-    if isinstance(chart, StartChart):
-        chart.free = best_starts(fit, shared, [chart.free], COARSE, most)[0]
-    return costs(fit, [(window, chart.free)], shared)[0]
+) -> list[float]:
+    """Let windows begin as fits best, after so many steps at most; returns ½ Σ φ² of each, which
+    is infinite where a run fails. All cores share them."""
+    fit, charts = weighed(windows), [each.chart for each in windows if each.chart is not None]
+    free = best_starts(fit, shared, [chart.free for chart in charts], COARSE, most)
+    for chart, own in zip(charts, free, strict=True):
+        if isinstance(chart, StartChart):
+            chart.free = own
+    return costs(fit, fit.begun(free), shared)
 
 
 def _best(
@@ -90,17 +92,10 @@ def _best(
     t = window.first * runs.h
     left = [window, *(replace(window, chart=chart) for chart in track.elsewhere(t))]
     for count, part, most in _ROUNDS:
-        found = []
-        for each in left:
-            try:
-                found.append(
-                    (_begin_best(begin_of(each, part, runs.h), weighed, shared, most), each)
-                )
-            except StoppedError:
-                raise
-            except AlfError:
-                continue
-        left = [each for _, each in sorted(found, key=lambda pair: pair[0])[:count]]
+        parts = [begin_of(each, part, runs.h) for each in left]
+        found = zip(_begin_best(parts, weighed, shared, most), left, strict=True)
+        good = [pair for pair in found if pair[0] < np.inf]
+        left = [each for _, each in sorted(good, key=lambda pair: pair[0])[:count]]
     return left[0] if left else window
 
 

@@ -17,7 +17,7 @@ from alf_ros.studies.identification.gauss_newton import secant
 from alf_ros.studies.identification.identifiability import beside
 from alf_ros.studies.identification.robust_loss import rooted
 from alf_ros.studies.identification.window import Window
-from alf_ros.studies.identification.window_runs import Misfit, WindowRuns, WindowStart
+from alf_ros.studies.identification.window_runs import Attempt, Misfit, WindowRuns, WindowStart
 
 UNSEEN = 1e3  # times the size: the deviation that holds what nothing sees
 # a jacobian serves again where it has told the change of the residuals since but for this part,
@@ -89,8 +89,13 @@ class WeighedWindows:
         self.is_own = not any(map(self._runs.has_secant, self.windows))
         return found
 
-    def by_starts(self, starts: Sequence[WindowStart], shared: Floats) -> list[Misfit]:
-        """With jacobians by the starts alone."""
+    def attempts(self, starts: Sequence[WindowStart], shared: Floats) -> list[Attempt]:
+        """Of some windows with their starts, without jacobians, or why their runs fail."""
+        delay, values = self._split(shared)
+        return self._runs.attempts_at(values, starts, delay, None)
+
+    def by_starts(self, starts: Sequence[WindowStart], shared: Floats) -> list[Attempt]:
+        """The same with jacobians by the starts alone."""
         delay, values = self._split(shared)
         return self._runs.by_starts(values, starts, delay)
 

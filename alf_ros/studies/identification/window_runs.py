@@ -11,12 +11,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
-from alf_ros.errors import InputError, argument_of
+from alf_ros.errors import AlfError, InputError, StoppedError, argument_of
 from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
@@ -51,6 +51,16 @@ class Misfit:
     jacobian: Floats
     channel: Integers
     resolution: Callable[[], Resolution]
+
+
+Attempt: TypeAlias = Misfit | AlfError  # of a run, or why it fails
+
+
+def succeeded(attempt: Attempt) -> Misfit:
+    """The misfit of a run. Raises its AlfError if it failed."""
+    if isinstance(attempt, AlfError):
+        raise attempt
+    return attempt
 
 
 class WindowRuns:
@@ -135,11 +145,19 @@ class WindowRuns:
         """Of windows with their starts, of the scene with values of `names`, on all cores. The
         last one of a window is kept, as a fit asks for some again, with other noise. `directions`:
         None for no jacobian. Raises AlfError."""
+        return [*map(succeeded, self.attempts_at(values, starts, delay, directions))]
+
+    def attempts_at(
+        self, values: Floats, starts: Sequence[WindowStart], delay: float, directions: int | None
+    ) -> list[Attempt]:
+        """The same with the reasons of runs that fail."""
         kept = [self._kept(values, *each, delay, directions) for each in starts]
         missing = [each for each, known in zip(starts, kept, strict=True) if known is None]
         made = iter(self._run(values, missing, delay, directions, alone=False))
         found = [next(made) if known is None else known for known in kept]
         for (window, free), each in zip(starts, found, strict=True):
+            if isinstance(each, AlfError):
+                continue
             self._found[_place(window), directions is not None] = _at(values, delay, free), each
             if directions is not None:
                 self._secants.pop(_place(window), None)
@@ -147,7 +165,7 @@ class WindowRuns:
 
     def by_starts(
         self, values: Floats, starts: Sequence[WindowStart], delay: float
-    ) -> list[Misfit]:
+    ) -> list[Attempt]:
         """The same with jacobians by the free numbers of the starts alone."""
         most = max((free.size for _, free in starts), default=0)
         return self._run(values, starts, delay, most, alone=True)
@@ -159,15 +177,20 @@ class WindowRuns:
         delay: float,
         directions: int | None,
         alone: bool,
-    ) -> list[Misfit]:
+    ) -> list[Attempt]:
         if not starts:
             return []
         crew = self._crew(values, directions, alone, min(len(starts), _cores()))
-        found: dict[int, Misfit] = {}
+        found: dict[int, Attempt] = {}
 
         def run(k: int) -> None:
             for n in range(k, len(starts), len(crew)):
-                found[n] = self.misfit(crew[k], *starts[n], delay)
+                try:
+                    found[n] = self.misfit(crew[k], *starts[n], delay)
+                except StoppedError:
+                    raise
+                except AlfError as error:
+                    found[n] = error
 
         try:
             _side_by_side(run, crew)
