@@ -103,7 +103,7 @@ def test_pieces_do_not_move_the_motion() -> None:
 
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43_adaptive'])
 def test_a_start_at_rest_on_the_edge_of_a_stop(integrator: str) -> None:
-    """Pieces of the first step came no nearer to the edge; with a tolerance the run ended there."""
+    """Pieces of a first step came no nearer to the edge; with a tolerance the run ended there."""
     edge, k, g, m = float(np.arctan2(0.8, 0.6)), 900.0, 9.81, 1.0
     stop = {'joint': 'pin', 'lower': edge, 'stiffness': k, 'exponent': 1}
     changes = {'mechanism.points.A.at': [0.6, 0.8], 'effects.joint_stop.end': stop}
