@@ -369,6 +369,21 @@ def test_an_output_in_a_kink_has_no_slope() -> None:
     assert not beside.notes
 
 
+@pytest.mark.parametrize(
+    ('scene', 'outputs'),
+    [
+        ('slider_crank', ['points.B.y', 'velocities.B.y']),  # it slides along x
+        ('governor', ['velocities.S.x', 'bearing.force.x']),  # it is symmetric
+        ('jansen_leg', ['joints.foot.velocity']),  # both bars turn as one
+    ],
+)
+def test_an_output_that_is_always_zero_is_no_kink(scene: str, outputs: list[str]) -> None:
+    """Rounding is all that it has."""
+    model = linearise(Simulation(load_scene(scene)), outputs=outputs)
+    np.testing.assert_allclose(model.C, 0.0, atol=1e-11)
+    assert not any('kink' in note for note in model.notes)
+
+
 @pytest.mark.parametrize('in_tension', [1.0, 10.0])
 def test_a_damper_with_two_slopes_is_noted(in_tension: float) -> None:
     """At rest the damping is of one side, unless both are the same."""
