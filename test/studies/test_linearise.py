@@ -290,6 +290,8 @@ def test_none_in_a_singular_position() -> None:
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(InputError, match='inputs.*j0.effort'):
         linearise(chain(1), inputs=['j0.efort'])
+    with pytest.raises(InputError, match='inputs: no such quantity, got .wrenches.P0'):
+        linearise(chain(1), inputs=['wrenches.P0.force.x'])  # the point is fixed
     with pytest.raises(InputError, match='outputs: no such quantity'):
         linearise(chain(1), outputs=['j0.positio'])
     with pytest.raises(InputError, match='inputs: named twice'):
