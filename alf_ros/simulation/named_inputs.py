@@ -55,7 +55,8 @@ def _all(model: Model, effects: Sequence[Effect]) -> list[NamedInput]:
         unit = 'N m' if each.is_angle else 'N'
         name = f'joints.{each.name}.effort'
         found.append(NamedInput(name, unit, partial(_with_effort, each.name)))
-    for name in (*model.body_names, *model.point_names):
+    movable = (point.name for point in model.mechanism.points if not point.fixed)
+    for name in (*model.body_names, *movable):
         for axis in range(len(axes)):
             path = f'wrenches.{name}.force.{axes[axis]}'
             found.append(NamedInput(path, 'N', partial(_with_wrench, name, axis, None, len(axes))))

@@ -290,6 +290,8 @@ def test_none_in_a_singular_position() -> None:
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(InputError, match='inputs.*j0.effort'):
         linearise(chain(1), inputs=['j0.efort'])
+    with pytest.raises(InputError, match='inputs: no such quantity, got .wrenches.P0'):
+        linearise(chain(1), inputs=['wrenches.P0.force.x'])  # the point is fixed
     with pytest.raises(InputError, match='outputs: no such quantity'):
         linearise(chain(1), outputs=['j0.positio'])
     with pytest.raises(InputError, match='inputs: named twice'):
@@ -367,6 +369,21 @@ def test_an_output_in_a_kink_has_no_slope() -> None:
     assert 'kink' in of_force and 'kink' in of_output and 'j0' in of_output
     beside = linearise(equilibrium(chain(1, {**GRAVITY, 'joint_stop': {**stop, 'lower': -1.57}})))
     assert not beside.notes
+
+
+@pytest.mark.parametrize(
+    ('scene', 'outputs'),
+    [
+        ('slider_crank', ['points.B.y', 'velocities.B.y']),  # it slides along x
+        ('governor', ['velocities.S.x', 'bearing.force.x']),  # it is symmetric
+        ('jansen_leg', ['joints.foot.velocity']),  # both bars turn as one
+    ],
+)
+def test_an_output_that_is_always_zero_is_no_kink(scene: str, outputs: list[str]) -> None:
+    """Rounding is all that it has."""
+    model = linearise(Simulation(load_scene(scene)), outputs=outputs)
+    np.testing.assert_allclose(model.C, 0.0, atol=1e-11)
+    assert not any('kink' in note for note in model.notes)
 
 
 @pytest.mark.parametrize('in_tension', [1.0, 10.0])

@@ -23,6 +23,10 @@ STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of a typical length
 RATES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
 _BENT = 1e-2  # part of a change of force; 1 in a kink, and next to nothing where the law is smooth
+_FARTHER = (10.0, 100.0)  # times the length within which a kink is looked for
+# times the bend at the first of them, at the second one: 10 to 11 in a kink; 10^p of a force δ^p,
+# which begins without a slope
+_GROWN = 11.5
 _ROUNDED = 64.0 * float(np.finfo(float).eps)
 
 Force = Callable[[Floats, Floats], Floats]  # q, q̇ -> Q, all (blocks D,)
@@ -75,19 +79,24 @@ class ForceChange:
         return found
 
     def has_kink(self, directions: Floats, length: float, *, in_speed: bool = False) -> bool:
-        """Whether the forces bend within a length (m) of here along one of the directions (k, n),
-        so that their derivative belongs to one side; `in_speed`: of velocities, within m/s."""
+        """Whether the slopes of forces jump within a length (m) of here along one of the
+        directions (k, n), so that their derivative belongs to one side; `in_speed`: of velocities,
+        within m/s."""
         _, q, _, _ = self._at
         for direction in directions:
             along, still = np.zeros_like(q), np.zeros_like(q)
             along[: direction.size] = direction * (length / max(np.abs(direction).max(), 1e-300))
             change = (still, along) if in_speed else (along, still)
             force = self._along(self._whole, *change)
-            ahead, here, behind = force(1.0), force(0.0), force(-1.0)
-            bend = float(np.abs(ahead - 2.0 * here + behind).max(initial=0.0))
+            here = force(0.0)
             rounding = _ROUNDED * float(np.abs(here).max(initial=0.0))
-            if bend > _BENT * float(np.abs(ahead - behind).max(initial=0.0)) + rounding:
-                return True
+            ahead, behind = force(1.0), force(-1.0)
+            least = _BENT * float(np.abs(ahead - behind).max(initial=0.0)) + rounding
+            bends = np.abs(ahead - 2.0 * here + behind) > least
+            if bends.any():
+                near, far = (np.abs(force(h) - 2.0 * here + force(-h)) for h in _FARTHER)
+                if (far[bends] <= _GROWN * near[bends]).any():
+                    return True
         return False
 
     def _exact(self, dq: Floats, dqd: Floats) -> Floats:

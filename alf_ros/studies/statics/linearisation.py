@@ -51,6 +51,8 @@ _AWAY = (3e-3, 3e-4, 3e-5, 3e-6, 3e-7, 3e-8, 3e-9, 3e-10, 3e-11)
 # of the largest slope of a row nearby: from there on an error means that there is no slope
 _KINKED = 1e-2
 _TARGET = 1e-4  # of the typical size of a target, of a difference: a motor may reach its limit
+# of the terms that a number is the sum of: what rounding may leave of it, beside the longest step
+_CANCELLED = 1e-11
 _ROUNDED = 1e-12  # of the largest in a row of C or D, that is rounding of the differences
 _MOVING = (
     'about an instant of a motion: its directions do not turn with the bodies, so a wheel that '
@@ -90,7 +92,7 @@ def linearise(
     A, stiffness, damping, drift = _motion(instant, sample)
     charted = _Charted(instant, simulation, state)
     names, units = _outputs(sample, outputs)
-    C = charted.slopes(names)
+    C = charted.slopes(names, units)
     notes = ['the loads of friction are held'] if rubbing.size else []
     notes += creeping(instant)
     if instant.qd.any():
@@ -248,7 +250,7 @@ class _Charted:
         state = self._state.moved(q, qd, turns)
         return self._simulation._sample(instant.t, state, False)
 
-    def slopes(self, names: tuple[str, ...]) -> Floats:
+    def slopes(self, names: tuple[str, ...], units: tuple[str, ...]) -> Floats:
         """(names, states) slopes of quantities; NaN where there is none, as in a kink."""
         shape = len(names), len(self._directions)
         found, errors, largest = np.zeros(shape), np.zeros(shape), np.zeros(shape)
@@ -257,7 +259,10 @@ class _Charted:
             longest = float(np.abs(direction).max(initial=1e-300))
             steps = [step * length / longest for step in _AWAY]
             near = slope_at_zero(partial(self._values, names, k), steps)
-            found[:, k], errors[:, k], largest[:, k] = near
+            found[:, k], _, largest[:, k] = near
+            # rounding is all that a number has that is always zero, and looks like a kink
+            rounding = _CANCELLED * self._terms(self.away(k, steps[0]), units) / steps[0]
+            errors[:, k] = np.where(near.errors > rounding, near.errors, 0.0)
         steepest = largest.max(axis=1, initial=0.0, keepdims=True)
         return np.asarray(
             np.where(errors <= _KINKED * steepest, _rounded(found, steepest), np.nan)
@@ -265,6 +270,21 @@ class _Charted:
 
     def _values(self, names: tuple[str, ...], k: int, size: float) -> Floats:
         return _read([self.away(k, size)], names)[:, 0]
+
+    def _terms(self, sample: Sample, units: tuple[str, ...]) -> Floats:
+        """(units,) how large the terms are that a number of this unit is the sum of."""
+        length, state = sample.model.layout.length, sample.state
+        place, speed, *forces = (
+            float(np.abs(numbers).max(initial=0.0))
+            for numbers in (state.q, state.qd, self._instant.Q, sample.constraint_forces)
+        )
+        force = max(forces)
+        angle, rate, torque = place / length, speed / length, force * length
+        sizes = {
+            **{'m': place, 'm/s': speed, 'N': force, 'J': force * place, 'W': force * speed},
+            **{'rad': angle, 'rad/s': rate, 'N m': torque, '': 1.0},
+        }
+        return np.array([sizes[unit] for unit in units])
 
 
 def _read(samples: Sequence[Sample], names: tuple[str, ...]) -> Floats:
