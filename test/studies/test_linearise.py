@@ -386,6 +386,18 @@ def test_an_output_that_is_always_zero_is_no_kink(scene: str, outputs: list[str]
     assert not any('kink' in note for note in model.notes)
 
 
+@pytest.mark.parametrize(('exponent', 'told'), [(1.5, True), (2.0, False)])
+def test_outputs_where_a_force_begins_without_a_slope(exponent: float, told: bool) -> None:
+    """The stiffness is exact there, differences of outputs are not."""
+    stop = {'joint': 'j0', 'lower': -np.pi / 2, 'stiffness': 1e4, 'exponent': exponent}
+    model = linearise(
+        equilibrium(chain(1, {**GRAVITY, 'joint_stop': stop})), outputs=['j0.force.x']
+    )
+    assert model.stiffness == pytest.approx(9.81, rel=1e-12)
+    assert any('begins here' in note for note in model.notes) == told
+    assert abs(model.C[0, 0] + 9.81) < (0.1 if told else 1e-5)
+
+
 @pytest.mark.parametrize('in_tension', [1.0, 10.0])
 def test_a_damper_with_two_slopes_is_noted(in_tension: float) -> None:
     """At rest the damping is of one side, unless both are the same."""

@@ -7,9 +7,10 @@ such a force, for friction that reactions load, and where the derivative is infi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alf_ros import effects as registry
 from alf_ros import kernel
@@ -82,22 +83,33 @@ class ForceChange:
         """Whether the slopes of forces jump within a length (m) of here along one of the
         directions (k, n), so that their derivative belongs to one side; `in_speed`: of velocities,
         within m/s."""
+        for force, here, bent in self._bends(directions, length, in_speed):
+            near, far = (np.abs(force(h) - 2.0 * here + force(-h)) for h in _FARTHER)
+            if (far[bent] <= _GROWN * near[bent]).any():
+                return True
+        return False
+
+    def bends(self, directions: Floats, length: float) -> bool:
+        """Whether forces have a kink there, or begin without a slope: differences over such a
+        length are no slopes."""
+        return any(True for _ in self._bends(directions, length, False))
+
+    def _bends(
+        self, directions: Floats, length: float, in_speed: bool
+    ) -> Iterator[tuple[Callable[[float], Floats], Floats, NDArray[np.bool_]]]:
+        """Along directions in which forces bend: the forces at a step, here, and which bend."""
         _, q, _, _ = self._at
         for direction in directions:
             along, still = np.zeros_like(q), np.zeros_like(q)
             along[: direction.size] = direction * (length / max(np.abs(direction).max(), 1e-300))
             change = (still, along) if in_speed else (along, still)
             force = self._along(self._whole, *change)
-            here = force(0.0)
+            here, ahead, behind = force(0.0), force(1.0), force(-1.0)
             rounding = _ROUNDED * float(np.abs(here).max(initial=0.0))
-            ahead, behind = force(1.0), force(-1.0)
             least = _BENT * float(np.abs(ahead - behind).max(initial=0.0)) + rounding
-            bends = np.abs(ahead - 2.0 * here + behind) > least
-            if bends.any():
-                near, far = (np.abs(force(h) - 2.0 * here + force(-h)) for h in _FARTHER)
-                if (far[bends] <= _GROWN * near[bends]).any():
-                    return True
-        return False
+            bent = np.abs(ahead - 2.0 * here + behind) > least
+            if bent.any():
+                yield force, here, bent
 
     def _exact(self, dq: Floats, dqd: Floats) -> Floats:
         t, q, qd, near = self._at

@@ -161,6 +161,12 @@ class Instant:
         return self.change().has_kink(self.position_directions.T, length)
 
     @property
+    def bends(self) -> bool:
+        """Whether a force has a kink here, or begins without a slope: differences are inexact."""
+        length = _IN_A_KINK * self.loads.tangents.length
+        return self.change().bends(self.position_directions.T, length)
+
+    @property
     def is_kinked_in_speed(self) -> bool:
         """Whether a force has a kink here for free changes of velocity: C is of one side."""
         speed = _IN_A_KINK * self.loads.tangents.length  # m/s

@@ -102,6 +102,8 @@ def linearise(
     notes += read_at(instant)
     if instant.is_kinked:
         notes.append('a force has a kink here: the model holds on one side of it')
+    elif names and instant.bends:
+        notes.append('a force begins here: slopes of outputs that feel it are inexact')
     if instant.is_kinked_in_speed:
         notes.append('a force has a kink at this velocity: the damping is of one side of it')
     kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]
