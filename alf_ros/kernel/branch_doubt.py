@@ -77,12 +77,13 @@ def _meets_another(closing: Closing, near: float) -> bool:
 def is_guess(closing: Closing, way: float) -> bool:
     """Whether the branch of the q in `work`, at the end of a line, is a guess.
 
-    way: the way to `ahead`, where the motion led, 0 if nothing is known of it.
+    way: the way to `ahead`, where the motion led, 0 if nothing is known of it: a rest then, in the
+    last posture. A line may have begun in an earlier one, behind values out of reach.
     """
     work, n, size = closing.work, closing.ahead.size, closing.tight.size
     if closing.counts[CALLS] == 0:  # a motion begins on the branch of its start
         return False
-    off = furthest(work.q, closing.ahead if way > 0.0 else closing.q, n)
+    off = furthest(work.q, closing.ahead if way > 0.0 else closing.place, n)
     if not STEADY * way < off <= LEAP * size:
         return False
     copy(work.q, closing.line)

@@ -17,8 +17,8 @@ first one then holds if it is the one nearer to the extrapolated place, and if t
 line ends on the way to it, in a dead point.
 
 Values that the loops cannot reach end in a dead point. A line from there may lead to either
-branch, or to none, so the next one begins at the last posture before. For values with noise see
-`noisy_closing`.
+branch, or to none, so the next one begins at the last posture before. The way to the dead point is
+a motion through it only if the motion led there. For values with noise see `noisy_closing`.
 """
 
 from __future__ import annotations
@@ -132,6 +132,8 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     if ahead and reached == 1.0 and beside <= BELIEVED * way:
         learn(closing, ratio, near)
     else:
+        if reached < 1.0 and not furthest(closing.q, closing.ahead, n) <= STEADY * way:
+            closing.counts[CALLS] = 0  # no motion led here: the values ended on the way
         begin_motion(closing)
     for k in range(closing.wanted.size):
         closing.stride[k] = closing.wanted[k] - closing.asked[k] if reached == 1.0 else 0.0

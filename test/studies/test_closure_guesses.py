@@ -53,6 +53,36 @@ def test_a_motion_that_does_not_tell_the_branch_is_marked(kind: str, noise: floa
     assert said > 0
 
 
+@pytest.mark.parametrize('rest', [1, 2, 6])
+def test_values_out_of_reach_that_no_motion_led_to(rest: int) -> None:
+    """One call asked for too much. Its way to the dead point passed for a motion through it."""
+    closure = Closure('slider_crank', ['guide'])
+    closure.follow(2.0 * np.cos(np.arange(START, 0.3, -0.02))[:, None])
+    closure.follow(np.full((rest, 1), 2.0 * np.cos(0.3)))
+    assert closure.close({'guide': 2.5}).missed_by > 0.1
+    back = closure.close({'guide': 2.0 * np.cos(0.3)})
+    assert back.joints['crank_pin'] == pytest.approx(0.3, abs=1e-12)
+
+
+def test_values_out_of_reach_beside_a_motion_through_the_dead_point() -> None:
+    """The slider's places have an offset, so one of them is out of reach."""
+    closure = Closure('slider_crank', ['guide'])
+    angles = 0.05 * np.arange(12, -13, -1) + 0.002  # rad
+    values, missed = closure.follow(2.0 * np.cos(angles)[:, None] + 2e-5)
+    assert (missed > 1e-6).sum() == 1
+    np.testing.assert_allclose(
+        values[:, closure.joint_names.index('crank_pin')], angles, atol=3e-3
+    )
+    assert not closure.ambiguous
+
+
+def test_a_branch_behind_a_stay_out_of_reach_is_a_guess() -> None:
+    closure = Closure('slider_crank', ['guide'])
+    closure.follow(2.0 * np.cos(np.arange(START, 0.1, -0.05))[:, None])
+    closure.follow([[2.1]] * 3)
+    assert closure.close({'guide': 2.0 * np.cos(0.1)}).ambiguous
+
+
 def test_a_rest_away_from_a_dead_point_is_no_guess() -> None:
     closure = Closure('slider_crank', ['guide'])
     angles = np.concatenate(

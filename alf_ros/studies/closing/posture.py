@@ -67,7 +67,7 @@ class Posture(Kinematics):
         With noise: two branches passed each other closer than the noise tells, or one active joint
         went over a gap that the loops do not allow. With times: calls stopped for long in or
         beside a position where branches meet. Beside a dead point: the motion is not steady, as
-        behind a rest, or if calls come twice."""
+        behind a rest or values out of reach, or if calls come twice."""
         return self._ambiguous
 
     @property
