@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Scene, Simulation, StepError, gradient, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.scene.overrides import with_changes
 from support.recordings import changed
 from support.thorough import thinned
 
@@ -105,9 +106,9 @@ def test_pieces_do_not_move_the_motion() -> None:
 def test_a_start_at_rest_on_the_edge_of_a_stop(integrator: str) -> None:
     """Pieces of a first step came no nearer to the edge; with a tolerance the run ended there."""
     edge, k, g, m = float(np.arctan2(0.8, 0.6)), 900.0, 9.81, 1.0
-    stop = {'joint': 'pin', 'lower': edge, 'stiffness': k, 'exponent': 1}
-    changes = {'mechanism.points.A.at': [0.6, 0.8], 'effects.joint_stop.end': stop}
-    scene = changed(pendulum('stop'), changes)
+    stop = f'{{joint: pin, lower: {edge!r}, stiffness: {k}, exponent: 1}}'
+    changes = {'mechanism.points.A.at': '[0.6, 0.8]', 'effects.joint_stop.end': stop}
+    scene = with_changes(pendulum('stop'), changes)
     simulation = Simulation(
         scene, integrator=integrator, step=1e-3, tolerance=1e-10, tangents=['m']
     )

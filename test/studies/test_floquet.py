@@ -253,8 +253,8 @@ def test_a_motion_that_stays_in_a_kink_is_refused(exponent: float) -> None:
         turned = 2.0 * math.pi * math.sqrt(1.5)
         expected = np.exp([1j * turned, -1j * turned])
         # rounding of the motion is felt by the root of it in this slope
-        sorted_ = map(np.sort_complex, (found.multipliers, expected))
-        np.testing.assert_allclose(*sorted_, rtol=1e-6)
+        multipliers = np.sort_complex(found.multipliers)
+        np.testing.assert_allclose(multipliers, np.sort_complex(expected), rtol=1e-6)
 
 
 def test_a_motion_through_a_kink_is_neutral() -> None:
