@@ -109,12 +109,17 @@ def wait_for_instant(chance: random.Random, store: Path, process: subprocess.Pop
 
 
 def children(pid: int) -> list[int]:
-    """The processes that a process has begun."""
-    try:
-        tasks = Path(f'/proc/{pid}/task').iterdir()
-        return [int(n) for task in tasks for n in (task / 'children').read_text().split()]
-    except (FileNotFoundError, ProcessLookupError):
-        return []
+    """The processes that a process has begun: those that name it, as the lists of its threads go
+    with a thread that ends."""
+    found = []
+    for name in filter(str.isdecimal, os.listdir('/proc')):
+        try:
+            _, parent, *_ = Path('/proc', name, 'stat').read_text().rpartition(')')[2].split()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if int(parent) == pid:
+            found.append(int(name))
+    return sorted(found)
 
 
 def kill(pid: int) -> None:
