@@ -320,9 +320,16 @@ def _bar(*points: str) -> dict[str, Any]:
     return {'points': list(points), 'mass': 1, 'inertia': {'about_com': 0.1}, 'com': [0, 0]}
 
 
-SLIDES: dict[
-    str, Any
-] = {  # two slides turn about O and C; out of them come bars that a hinge at H connects
+def _pin(parent: str, child: str, at: str) -> dict[str, Any]:
+    return {'type': 'revolute', 'between': [parent, child], 'at': at}
+
+
+def _slide(parent: str, child: str, at: str, axis: list[float]) -> dict[str, Any]:
+    return {'type': 'prismatic', 'between': [parent, child], 'at': at, 'axis': axis}
+
+
+# two slides turn about O and C; out of them come bars that a hinge at H connects
+SLIDES: dict[str, Any] = {
     'alf': 1,
     'points': {
         'O': {'at': [0.71, 0.06], 'fixed': True},
@@ -340,21 +347,11 @@ SLIDES: dict[
         'along': _bar('B', 'H'),
     },
     'joints': {
-        'at_O': {'type': 'revolute', 'between': ['ground', 'first'], 'at': 'O'},
-        'reach': {
-            'type': 'prismatic',
-            'between': ['first', 'out'],
-            'at': 'A',
-            'axis': [0.9, -0.44],
-        },
-        'at_C': {'type': 'revolute', 'between': ['ground', 'second'], 'at': 'C'},
-        'boom': {
-            'type': 'prismatic',
-            'between': ['second', 'along'],
-            'at': 'B',
-            'axis': [-1.0, -0.07],
-        },
-        'hinge': {'type': 'revolute', 'between': ['along', 'out'], 'at': 'H'},
+        'at_O': _pin('ground', 'first', 'O'),
+        'reach': _slide('first', 'out', 'A', [0.9, -0.44]),
+        'at_C': _pin('ground', 'second', 'C'),
+        'boom': _slide('second', 'along', 'B', [-1.0, -0.07]),
+        'hinge': _pin('along', 'out', 'H'),
     },
 }
 
@@ -376,9 +373,8 @@ def test_travel_to_dead_points_far_out(turned: float) -> None:
     assert posture.travel('boom') == pytest.approx(tuple(ends), abs=1e-9)
 
 
-TRIPOD: dict[
-    str, Any
-] = {  # a plate on three legs; two of its angles rest, and it turns by the third
+# a plate on three legs; two of its angles rest, and it turns by the third
+TRIPOD: dict[str, Any] = {
     'alf': 1,
     'points': {
         'A': {'at': [1.14, -0.12]},
@@ -403,30 +399,15 @@ TRIPOD: dict[
         'third_rod': _bar('H', 'I'),
     },
     'joints': {
-        'guide': {
-            'type': 'prismatic',
-            'between': ['ground', 'slide'],
-            'at': 'A',
-            'axis': [0.78, 0.63],
-        },
-        'knee': {'type': 'revolute', 'between': ['slide', 'bar'], 'at': 'B'},
-        'first_hinge': {'type': 'revolute', 'between': ['bar', 'plate'], 'at': 'C'},
-        'second_pin': {'type': 'revolute', 'between': ['ground', 'second'], 'at': 'D'},
-        'second_length': {
-            'type': 'prismatic',
-            'between': ['second', 'second_rod'],
-            'at': 'E',
-            'axis': [0.39, 0.92],
-        },
-        'second_hinge': {'type': 'revolute', 'between': ['second_rod', 'plate'], 'at': 'F'},
-        'third_pin': {'type': 'revolute', 'between': ['ground', 'third'], 'at': 'G'},
-        'third_length': {
-            'type': 'prismatic',
-            'between': ['third', 'third_rod'],
-            'at': 'H',
-            'axis': [0.92, 0.39],
-        },
-        'third_hinge': {'type': 'revolute', 'between': ['third_rod', 'plate'], 'at': 'I'},
+        'guide': _slide('ground', 'slide', 'A', [0.78, 0.63]),
+        'knee': _pin('slide', 'bar', 'B'),
+        'first_hinge': _pin('bar', 'plate', 'C'),
+        'second_pin': _pin('ground', 'second', 'D'),
+        'second_length': _slide('second', 'second_rod', 'E', [0.39, 0.92]),
+        'second_hinge': _pin('second_rod', 'plate', 'F'),
+        'third_pin': _pin('ground', 'third', 'G'),
+        'third_length': _slide('third', 'third_rod', 'H', [0.92, 0.39]),
+        'third_hinge': _pin('third_rod', 'plate', 'I'),
     },
 }
 # rad: where the angle turns back, of a computation of its own (poses of rigid bodies as unknowns,

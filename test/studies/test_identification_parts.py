@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from scipy import optimize, stats
 
 from alf_ros import Simulation, identify, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
+from alf_ros.errors import AlfError, InputError
 from alf_ros.scene import overrides
 from alf_ros.simulation.input_values import NO_INPUTS
 from alf_ros.simulation.state_trail import StateArrays
+from alf_ros.studies.identification.best_starts import best_starts, costs
 from alf_ros.studies.identification.gauss_newton import best_gain, compressed
 from alf_ros.studies.identification.identifiability import beside, known
 from alf_ros.studies.identification.joint_readings import JointReadings
@@ -22,8 +24,9 @@ from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.robust_loss import NAMES, rooted, spread
 from alf_ros.studies.identification.shared_numbers import Shared
+from alf_ros.studies.identification.weighed_windows import WeighedWindows
 from alf_ros.studies.identification.window import Window, cut
-from alf_ros.studies.identification.window_runs import WindowRuns
+from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
 from alf_ros.studies.identification.window_start import StartChart
 from support.recordings import Machine, changed, pushes
 
@@ -126,6 +129,41 @@ def test_derivatives_are_those_of_differences(name: str, names: list[str], size:
         # the delay: a velocity between two steps is a parabola, and one effort less smooth
         least = 1e-4 if k == P else 1e-7
         assert np.abs(J[:, k] - expected).max() <= least * np.abs(expected).max(), k
+
+
+class CountedRuns(WindowRuns):
+    """With the number of runs."""
+
+    count = 0
+
+    def misfit(self, *given: Any) -> Misfit:
+        self.count += 1
+        return super().misfit(*given)
+
+
+def test_a_run_that_fails_is_made_once_and_leaves_the_others() -> None:
+    """One start of three is far too fast for the step."""
+    scene = load_scene('slider_crank')
+    machine = Machine(scene, ('crank_pin', 'guide'), 0.3)
+    channels = machine.recording(velocities=True).channels
+    runs = CountedRuns(scene, ['coupler.mass'], channels, delay=False)
+    (window,) = tracked(runs, machine, 0.3, margin=0.02)
+    assert window.chart is not None
+    free, shared = window.chart.free, np.array([1.0])
+    starts = [(window, each) for each in (free, 1e9 * (free + 1.0), 1.01 * free)]
+    fit = WeighedWindows(runs, [window] * 3, np.full(len(channels), 1e-3), 'linear')
+    assert np.isinf(costs(fit, starts, shared)).tolist() == [False, True, False]
+    assert runs.count == 3
+    good, bad, _ = fit.attempts(starts, shared)
+    assert isinstance(good, Misfit) and isinstance(bad, AlfError)
+    alone = WindowRuns.misfit(runs, runs.simulation(shared), window, free, 0.0)
+    assert good.residuals.tobytes() == alone.residuals.tobytes()
+    with pytest.raises(AlfError):
+        runs.misfits_at(shared, starts, 0.0, None)
+    # a start without a run stays, and holds up no other one
+    best = best_starts(fit, shared, [each for _, each in starts], 1e-3)
+    stays = [np.array_equal(there, own) for there, (_, own) in zip(best, starts, strict=True)]
+    assert stays[1:] == [True, False]
 
 
 def test_a_window_is_not_run_twice_at_the_same_numbers() -> None:

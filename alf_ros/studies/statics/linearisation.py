@@ -50,6 +50,7 @@ from alf_ros.studies.statics.positions_of_rest import (
 _AWAY = (3e-3, 3e-4, 3e-5, 3e-6, 3e-7, 3e-8, 3e-9, 3e-10, 3e-11)
 # of the largest slope of a row nearby: from there on an error means that there is no slope
 _KINKED = 1e-2
+_FORCES = {'N', 'N m', 'W'}  # units of what a force is felt in
 _TARGET = 1e-4  # of the typical size of a target, of a difference: a motor may reach its limit
 # of the terms that a number is the sum of: what rounding may leave of it, beside the longest step
 _CANCELLED = 1e-11
@@ -102,7 +103,7 @@ def linearise(
     notes += read_at(instant)
     if instant.is_kinked:
         notes.append('a force has a kink here: the model holds on one side of it')
-    elif names and instant.bends:
+    elif not _FORCES.isdisjoint(units) and instant.bends:
         notes.append('a force begins here: slopes of outputs that feel it are inexact')
     if instant.is_kinked_in_speed:
         notes.append('a force has a kink at this velocity: the damping is of one side of it')
