@@ -2,7 +2,6 @@
 
 import dataclasses
 import signal
-import time
 
 import pytest
 import yaml
@@ -18,7 +17,6 @@ from support.ros_node import Peer, SimulatorProcess
 SCENE = 'excavator'  # searches for seconds
 ACCURACY = 1e-12  # m
 NEXT = 1e-9
-SOON = 20.0  # s, longer than a search
 
 
 class Requests:
@@ -131,9 +129,7 @@ def test_a_signal_ends_the_search_and_the_node(peer, tmp_path, number):
         ask.set('accuracy', ACCURACY)
         peer.until(lambda: 'searching settings' in node.output, 'the beginning of the search')
         ask.get('accuracy')
-        begun = time.monotonic()
         assert node.stop(number) == 0, node.output
-        assert time.monotonic() - begun < SOON
     assert 'search given up' in node.output and 'settings for 1e-' not in node.output
     assert 'Traceback' not in node.output
     assert compare(load(node.logs[-1])).equal
