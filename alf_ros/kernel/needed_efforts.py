@@ -12,7 +12,9 @@ treatment. What u leaves of f is judged in the same metric: P (f - B u) are the 
 the motion misses (Gauss's principle of least constraint).
 
 One round of a solve gives P B and P f up to 1 / penalty. That is enough for the factor of the
-normal equations and for a first u, because their residual is computed with a complete solve.
+normal equations and for a first u, because their residual is computed with a complete solve. It
+is so again until the error that is left, the last change times the ratio of the changes, is
+rounding: where actuators are about to lose a direction, Bᵀ P B is hardly larger than its error.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ from alf_ros.kernel.triangular_solve import solve
 
 _LEAST_PIVOT = 1e-4  # part of a diagonal number that its pivot keeps, at least
 _HELD = 1e-4  # part of a diagonal number without rows that rows leave of it, at least
+_SETTLED, _CHANGES = 1e-12, 6  # error left, as a part of u; complete solves for it, at most
 
 
 @inner
@@ -89,6 +92,16 @@ def _project(of: Actuation) -> None:
     zero(work.r2)
     zero(work.y)
     solved_anew(of.problem, of.f, of.x, True)
+
+
+@inner
+def _project_twice(of: Actuation) -> None:
+    """x = P M P f = P f; f is lost. A solve leaves a part of f across the rows, and the second one
+    a part of M P f, which is far less where actuators are about to lose a direction."""
+    _project(of)
+    zero(of.f)
+    add_mass_times(of.unit, of.problem.system.mass, 1.0, of.x, of.f)
+    _project(of)
 
 
 @inner
@@ -169,14 +182,16 @@ def _factorise(of: Actuation) -> bool:
 
 
 @inner
-def _change(of: Actuation) -> None:
-    """Change u by G⁻¹ Bᵀ x, and f and x with it."""
+def _change(of: Actuation) -> float:
+    """Change u by c = G⁻¹ Bᵀ x, and f and x with it; returns (cᵀ G c)^½."""
     a, size, n = of.u.size, of.x.size, of.problem.work.p.size
+    square = 0.0
     for e in range(a):
         s = _along(of, e)
         for k in range(e):
             s -= of.G[e * a + k] * of.c[k]
         of.c[e] = s / of.G[e * a + e]
+        square += of.c[e] ** 2
     for k in range(a):
         e = a - 1 - k
         s = of.c[e]
@@ -188,6 +203,7 @@ def _change(of: Actuation) -> None:
         for i in range(n):
             of.f[i] -= of.c[e] * of.B[e * size + i]
             of.x[i] -= of.c[e] * of.X[e * size + i]
+    return np.sqrt(square)
 
 
 @inner
@@ -217,9 +233,13 @@ def needed_efforts(of: Actuation) -> None:
         if not _factorise(of):
             continue
         _project_nearly(of)
-        _change(of)
-        _project(of)
-        _change(of)
+        first = before = _change(of)
+        for _ in range(_CHANGES):
+            _project(of)
+            change = _change(of)
+            if change * change <= _SETTLED * first * before:
+                break
+            before = change
         for e in range(a):
             own = 0.0
             for i in range(n):
@@ -235,13 +255,13 @@ def effort_equations(of: Actuation) -> None:
     for k in range(of.t.size):
         if not _place(of, k):
             continue
-        _project(of)
+        _project_twice(of)
         for e in range(a):
             of.pull[k * a + e], of.alone[k * a + e] = _along(of, e), _alone(of, e)
         for c in range(a):
             for i in range(size):
                 of.f[i] = of.B[c * size + i]
-            _project(of)
+            _project_twice(of)
             for e in range(a):
                 of.gram[(k * a + e) * a + c] = _along(of, e)
 
@@ -254,14 +274,13 @@ def effort_residuals(of: Actuation) -> None:
     for k in range(of.t.size):
         if not _place(of, k):
             continue
-        _project(of)
         for e in range(a):
             of.u[e] = of.efforts[k * a + e]
             for i in range(size):
                 of.f[i] -= of.u[e] * of.B[e * size + i]
             own = of.gram[(k * a + e) * a + e]
             of.whole[k] += abs(of.u[e]) * np.sqrt(max(0.0, own))
-        _project(of)
+        _project_twice(of)
         for e in range(a):
             of.pull[k * a + e] = _along(of, e)
         _report(of, k)

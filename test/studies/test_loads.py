@@ -416,6 +416,17 @@ def test_actuators_that_lose_a_direction() -> None:
     assert 'not determined' in found.notes[0]
 
 
+def test_efforts_beside_a_dead_centre() -> None:
+    """The push moves B by -2 sin θ dθ, and all around a heavy flywheel on the crank."""
+    flywheel = {'motor': {'joint': 'crank_pin', 'armature': 100.0}}
+    angle = np.logspace(-1, -6, 11)
+    scene = crank('pi/4 - t', **flywheel)
+    found = loads(scene, ['wrenches.B.force.x'], times=np.pi / 4 - angle)
+    torque = crank_torque(angle, -np.ones(11), np.zeros(11))
+    assert found.efforts[:, 0] == pytest.approx(torque / (-2.0 * np.sin(angle)), rel=2e-9)
+    assert found.is_possible and not found.notes
+
+
 @pytest.mark.parametrize('bearings', [{}, {'stiffness': {'translation': 1e6}}])
 def test_shares_of_redundant_joints_are_noted(bearings: dict[str, Any]) -> None:
     """Three parallel cranks: rigid bodies leave their shares open, and bearings decide."""
