@@ -34,7 +34,7 @@ from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.triangular_solve import solve
 
 _LEAST_PIVOT = 1e-4  # part of a diagonal number that its pivot keeps, at least
-_HELD = 1e-4  # part of a diagonal number without rows that rows leave of it, at least
+_HELD = 1e-4  # part of a pivot without rows that rows leave of it, at least
 _SETTLED, _CHANGES = 1e-12, 6  # error left, as a part of u; complete solves for it, at most
 
 
@@ -152,7 +152,8 @@ def _size(of: Actuation) -> float:
 
 @inner
 def _factorise(of: Actuation) -> bool:
-    """G = Bᵀ A⁻¹ B as L Lᵀ; returns whether its pivots are large enough."""
+    """G = Bᵀ A⁻¹ B as L Lᵀ; returns whether its pivots are large enough: their errors, parts of
+    what they were without rows, add up on the way."""
     work, pattern = of.problem.work, of.problem.system.pattern
     a, size, n = of.u.size, of.x.size, work.p.size
     for c in range(a):
@@ -167,13 +168,16 @@ def _factorise(of: Actuation) -> bool:
                 total += of.B[e * size + i] * work.delta[i]
             of.G[e * a + c] = total
     for c in range(a):
-        own = of.G[c * a + c]
+        own, free = of.G[c * a + c], _alone(of, c)
+        for k in range(c):
+            free += (of.G[c * a + k] / of.G[k * a + k]) ** 2 * of.c[k]
+        of.c[c] = free
         for e in range(c, a):
             s = of.G[e * a + c]
             for k in range(c):
                 s -= of.G[e * a + k] * of.G[c * a + k]
             if e == c:
-                if not s > max(_LEAST_PIVOT * own, _HELD * _alone(of, c)):
+                if not s > max(_LEAST_PIVOT * own, _HELD * free):
                     return False
                 of.G[c * a + c] = np.sqrt(s)
             else:

@@ -427,6 +427,17 @@ def test_efforts_beside_a_dead_centre() -> None:
     assert found.is_possible and not found.notes
 
 
+def test_too_many_actuators_beside_a_dead_centre_of_one() -> None:
+    """The push on B alone moves the crank less and less; together they always share."""
+    angle = np.linspace(0.2, 0.005, 118)
+    flywheel = {'motor': {'joint': 'crank_pin', 'armature': 5.0}}
+    scene = crank('pi/4 - t', **flywheel)
+    found = loads(scene, ['wrenches.B.force.x', 'crank_pin'], times=np.pi / 4 - angle)
+    ways = np.array([-2.0 * np.sin(angle), np.ones_like(angle)])
+    torque = crank_torque(angle, -np.ones_like(angle), np.zeros_like(angle))
+    assert found.efforts.T == pytest.approx(ways * torque / (ways**2).sum(axis=0), abs=1e-9)
+
+
 @pytest.mark.parametrize('bearings', [{}, {'stiffness': {'translation': 1e6}}])
 def test_shares_of_redundant_joints_are_noted(bearings: dict[str, Any]) -> None:
     """Three parallel cranks: rigid bodies leave their shares open, and bearings decide."""
