@@ -284,6 +284,18 @@ def test_over_the_time_of_a_drive() -> None:
     assert path.unit == 's' and path.rest(-1).t == 8.0 and not path.events
 
 
+def test_over_the_time_of_a_table_with_a_sharp_corner() -> None:
+    """The target of a motor turns back at 1 s: so does the path, by more than a right angle."""
+    table = [[0.0, -0.5], [1.0, 0.5], [1.8, -1.5]]
+    motor = {'joint': 'j0', 'position': table, 'position_gain': 30.0}
+    scene = chain(1, {**GRAVITY, 'motor': motor})
+    path = equilibrium_path(scene, over='t', end=2.5, back=0.0, most=200)
+    assert path.ending == 'it reaches 2.5' and not path.events
+    angle = path['j0.position']
+    torque = 30.0 * (np.interp(path.values, *np.transpose(table)) - angle)
+    np.testing.assert_allclose(torque, 9.81 * np.cos(angle), atol=1e-8)
+
+
 @pytest.mark.parametrize(('over', 'end'), [('b', 0.33), ('spring.stiffness', 0.0)])
 def test_the_last_point_is_what_equilibrium_finds(over: str, end: float) -> None:
     scene = sprung('four_bar')

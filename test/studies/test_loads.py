@@ -419,7 +419,7 @@ def test_actuators_that_lose_a_direction() -> None:
 def test_efforts_beside_a_dead_centre() -> None:
     """The push moves B by -2 sin θ dθ, and all around a heavy flywheel on the crank."""
     flywheel = {'motor': {'joint': 'crank_pin', 'armature': 100.0}}
-    angle = np.logspace(-1, -6, 11)
+    angle = 10.0 ** evenly(-1.0, -6.0, 11)
     scene = crank('pi/4 - t', **flywheel)
     found = loads(scene, ['wrenches.B.force.x'], times=np.pi / 4 - angle)
     torque = crank_torque(angle, -np.ones(11), np.zeros(11))
@@ -429,7 +429,7 @@ def test_efforts_beside_a_dead_centre() -> None:
 
 def test_too_many_actuators_beside_a_dead_centre_of_one() -> None:
     """The push on B alone moves the crank less and less; together they always share."""
-    angle = np.linspace(0.2, 0.005, 118)
+    angle = evenly(0.2, 0.005, 118)
     flywheel = {'motor': {'joint': 'crank_pin', 'armature': 5.0}}
     scene = crank('pi/4 - t', **flywheel)
     found = loads(scene, ['wrenches.B.force.x', 'crank_pin'], times=np.pi / 4 - angle)

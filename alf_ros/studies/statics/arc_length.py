@@ -4,7 +4,9 @@ A step goes along the tangent, then by Newton's method back to the path in the p
 tangent. The number of the scene is an unknown as the displacements are, so that the path may turn
 back in it. Steps are so short that the direction changes by less than a sixth of a right angle,
 and that nothing moves by more than a seventh of a typical length. A step that would end in a
-singular position of the mechanism is taken with another length.
+singular position of the mechanism is taken with another length. Past a kink over the number, as in
+a table over time, the path may turn by more than a right angle, where no plane across the tangent
+meets it: there a step goes by the number alone.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ _SHARPEST = 1e-4  # step from which down a bend is a kink
 _BENDS, _STRAIGHT = 0.967, 0.992  # cosine between two directions
 _FARTHEST = 0.15  # of a typical length, that a point moves in a step
 _STRAY = 0.5  # of a step, that Newton's method may move
+_LEAP = 10.0  # of a step past a kink, that Newton's method may move
+_LEVEL = 1e-3  # of a direction, from which up it leads along the number
 _ITERATIONS = 20
 _AT_REST, _RESTS = 1e-14, 1e-9  # of the acceleration without rows
 
@@ -99,6 +103,13 @@ def steps(
                 there = _there(here, last)
                 yield PathStep(here, there, direction, there.tangent(direction))
                 return
+            past = _past_kink(here, direction, ends) if length < _SHARPEST else None
+            if past is not None:
+                yield past
+                if ends(past.after.value) is not None:
+                    return
+                here, direction, length = past.after, past.arriving, _FIRST
+                continue
             if length < _SHORTEST:
                 raise
             length *= 0.5 if length > 1e-3 else 0.3
@@ -119,6 +130,23 @@ def steps(
         yield PathStep(here, there, direction, arriving)
         here, direction = there, arriving
         length *= 1.6 if bend > _STRAIGHT else 1.0
+
+
+def _past_kink(
+    here: PathPoint, direction: PathDirection, ends: Callable[[float], float | None]
+) -> PathStep | None:
+    """A short step by the number alone; None if the path does not lead along it, or is lost."""
+    scale = here.scales.value
+    if abs(direction.value) < _LEVEL * scale:
+        return None
+    along = PathDirection(np.zeros_like(direction.q), float(np.copysign(scale, direction.value)))
+    try:
+        there = corrected(here, along, _FIRST, _LEAP)
+        last = ends(there.value)
+        there = there if last is None else _there(here, last)
+        return PathStep(here, there, direction, there.tangent(along))
+    except InputError:
+        return None
 
 
 def _at(before: PathPoint, after: PathPoint, direction: PathDirection, value: float) -> PathPoint:
