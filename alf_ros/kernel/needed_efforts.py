@@ -96,7 +96,7 @@ def _project(of: Actuation) -> None:
 
 @inner
 def _project_twice(of: Actuation) -> None:
-    """x = P M P f = P f; f is lost. A solve leaves a part of f across the rows, and the second one
+    """x = P M P f = P f; overwrites f. A solve leaves a part of f across the rows, the second one
     a part of M P f, which is far less where actuators are about to lose a direction."""
     _project(of)
     zero(of.f)

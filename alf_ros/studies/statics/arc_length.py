@@ -135,7 +135,7 @@ def steps(
 def _past_kink(
     here: PathPoint, direction: PathDirection, ends: Callable[[float], float | None]
 ) -> PathStep | None:
-    """A short step by the number alone; None if the path does not lead along it, or is lost."""
+    """A short step by the number alone; None if it leads nowhere there."""
     scale = here.scales.value
     if abs(direction.value) < _LEVEL * scale:
         return None
