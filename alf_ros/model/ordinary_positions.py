@@ -167,7 +167,7 @@ class _RanksBeside:
         rank, near = self._after(step, by)
         if rank > best and part < 1.0:
             nearer = self._after(part * step, part * by)
-            return min(nearer, (rank, near), key=lambda found: found[0])
+            return nearer if nearer[0] < rank else (rank, near)
         return rank, near
 
     def _after(self, step: Floats, by: float) -> tuple[int, Floats]:
