@@ -44,46 +44,43 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     work = work or allocate(model, model.system, 0)
     closing = work if places_only is model.system else allocate(model, places_only, 0)
     close = partial(assembly.closed, model, places_only, names, closing)
-    best, here, places, closed = -1, -1, [q], 0
-    for turn in range(12):
-        near, away = np.array(q), NEAR * model.size if turn else 0.0
+    ranks = _RanksBeside(model, work, q, close)
+    narrow = min(model.size, _shortest(model))
+    best = here = _rank(model, work, q)
+    places, closed = [q], 0
+    random.next()  # q itself is no step along the first one
+    for turn in range(1, 12):
         if turn >= NEAR_BY and best == len(model.row_names):
             break
+        away, by = NEAR * model.size, 0.0
         if NEAR_BY <= turn < 8:  # long chains may close nearer only
             if closed:
                 continue
-            away = 0.05 * min(model.size, _shortest(model))
+            away = NEAR * narrow
         if turn >= 8:  # with drives where they begin there may be no other place
             if not model.mechanism.prescribed:
                 break
-            _displace(model, near, 0.05 * random.generator.standard_normal())
-        near[: model.n] += away * random.next()
-        if turn:
-            try:
-                near = close(near)
-                closed += 1
-            except AssemblyError:
-                continue
-        rank = _rank(model, work, near)
-        here = rank if turn == 0 else here
+            by = 0.05 * random.generator.standard_normal()
+        try:
+            rank, near = ranks.at(away * random.next(), by, best, NEAR * narrow / away)
+        except AssemblyError:
+            continue
+        closed += 1
         if rank > best:
             best, places = rank, []
         if rank == best:
             places.append(near)
     # many rows may be lost together, as where all cranks of a row lie flat: they are found again
-    # where all points go the same way
-    away = min(model.size, _shortest(model))
-    ways = (0.3 * away, -0.3 * away, 0.05 * away, -0.05 * away)  # far ones tell soft modes
-    for axis, way in product(range(model.layout.dimension), ways):
+    # where all points go the same way; far ones tell soft modes
+    for axis, way in product(range(model.layout.dimension), (0.3, -0.3, 0.05, -0.05)):
         if best == len(model.row_names):
             break
-        near = np.array(q)
-        near[axis : model.n : model.layout.dimension] += way
+        step = np.zeros(model.n)
+        step[axis :: model.layout.dimension] = way * narrow
         try:
-            near = close(near)
+            rank, near = ranks.at(step, 0.0, best, NEAR / abs(way))
         except AssemblyError:
             continue
-        rank = _rank(model, work, near)
         if rank > best:
             best, places = rank, [near]
     if best > here:  # a loop of gears may depend on others only where they are in mesh
@@ -150,6 +147,36 @@ def _in_mesh(
         return None
     best = max(rank for rank, _ in found)
     return best, [near for rank, near in found if rank == best]
+
+
+class _RanksBeside:
+    """The rank at places around q (blocks D, m) that `close` reaches from displaced ones."""
+
+    def __init__(
+        self, model: Model, work: Work, q: Floats, close: Callable[[Floats], Floats]
+    ) -> None:
+        self._model, self._work, self._q, self._close = model, work, q, close
+
+    def at(self, step: Floats, by: float, best: int, part: float) -> tuple[int, Floats]:
+        """The rank at the place that a `step` (n,) m, and drives moved `by`, lead to, and it.
+
+        A step may lead to another assembly, as from a narrow parallelogram to the crossed one,
+        which has a rank of its own. So a rank above `best` counts if a `part` of the step shows
+        it too; else the nearer place stands for the further one. Raises AssemblyError.
+        """
+        rank, near = self._after(step, by)
+        if rank > best and part < 1.0:
+            nearer = self._after(part * step, part * by)
+            return nearer if nearer[0] < rank else (rank, near)
+        return rank, near
+
+    def _after(self, step: Floats, by: float) -> tuple[int, Floats]:
+        near = np.array(self._q)
+        if by:
+            _displace(self._model, near, by)
+        near[: self._model.n] += step
+        near = self._close(near)
+        return _rank(self._model, self._work, near), near
 
 
 class _Directions:

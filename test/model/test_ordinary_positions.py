@@ -139,3 +139,55 @@ def test_steps_of_many_equal_loops_end_in_the_position(loops: tuple[float, ...])
                 sim.step(round(LANDING / step))
                 exact = place(state(sim.t - LANDING - aside)[0], loops)
                 assert sim.sample().q == pytest.approx(exact, abs=bound)
+
+
+BARS = ('ELR', 'LQ', 'RT', 'GQT')
+HINGES = (  # of a parallelogram: between two bars, at
+    ('ground', 'ELR', 'E'),
+    ('ELR', 'LQ', 'L'),
+    ('ELR', 'RT', 'R'),
+    ('LQ', 'GQT', 'Q'),
+    ('RT', 'GQT', 'T'),
+    ('GQT', 'plate', 'G'),
+)
+
+
+def plate_on_parallelograms(half: float) -> dict[str, Any]:
+    """Two hinged parallelograms keep a plate from turning, and on a curve. half: of their short
+    bars, m."""
+    part = {'mass': 0.1, 'inertia': {'about_com': [0.01, 0.01, 0.01]}, 'com': [0, 0, 0]}
+    points: dict[str, Any] = {'C': {'at': [0.02, 0.01, -0.4]}}
+    bodies: dict[str, Any] = {'plate': {'points': ['C', 'G0', 'G1'], **part}}
+    joints: dict[str, Any] = {}
+    for k, (x, y) in enumerate(((1.0, 0.0), (-0.5, 0.9))):
+        out, along = np.array([x, y, 0.0]), half * np.array([-y, x, 0.0])
+        above, below = 0.3 * out, 0.06 * out + points['C']['at']
+        for row, middle in (('LER', above), ('QGT', below)):
+            for name, side in zip(row, (1.0, 0.0, -1.0), strict=True):
+                place = (middle + side * along).tolist()
+                points[f'{name}{k}'] = {'at': place, 'fixed': name == 'E'}
+        bodies |= {f'{bar}{k}': {'points': [f'{p}{k}' for p in bar], **part} for bar in BARS}
+        across = np.cross(below - above, along)
+        for one, other, at in HINGES:
+            axis = along if at in 'EG' else across
+            names = [
+                each if each in ('ground', 'plate') else f'{each}{k}' for each in (one, other)
+            ]
+            joints[f'at_{at}{k}'] = {
+                'type': 'revolute',
+                'between': names,
+                'at': f'{at}{k}',
+                'axis': axis.tolist(),
+            }
+    parts = {'points': points, 'bodies': bodies, 'joints': joints}
+    return {'alf': 1, 'name': 'plate', 'space': 'spatial', **parts}
+
+
+@pytest.mark.parametrize('half', [0.05, 0.01])
+def test_rows_of_crossed_parallelograms_do_not_count(half: float) -> None:
+    """A small displacement of a narrow one closes as a crossed one, of which fewer rows depend on
+    others. The plate has one freedom."""
+    simulation = Simulation(load_scene({'mechanism': plate_on_parallelograms(half)}))
+    model = simulation.model
+    assert len(model.row_names) - simulation.dependent_rows == model.n - 1
+    assert simulation.sample().diagnostics.distance > 1e-3

@@ -176,3 +176,42 @@ def test_coupled_hinges_in_space_go_to_their_dead_points() -> None:
         assert posture.travel('cross_first') == pytest.approx(ENDS, abs=1e-9)
     beyond = closure.close({'cross_first': ENDS[1] + 0.1})
     assert beyond.missed_by == pytest.approx(0.1, abs=1e-9)
+
+
+@pytest.mark.parametrize('bars', [(2.155, 2.208, 2.508), (2.22, 2.29, 2.60), (2.05, 2.45, 2.65)])
+def test_a_redundant_four_bar_goes_to_its_dead_points(bars: tuple[float, float, float]) -> None:
+    """Four parallel hinges hold more than they must. A crank of 1 m, and coupler, rocker and
+    ground, m: the rocker turns between the places where crank and coupler are in line."""
+    coupler, rocker, ground = bars
+    B, D = np.array([math.cos(1.0), math.sin(1.0), 0.0]), np.array([ground, 0.0, 0.0])
+    whole = float(np.linalg.norm(D - B))
+    along = (coupler**2 - rocker**2 + whole**2) / (2.0 * whole)
+    across = math.sqrt(coupler**2 - along**2) / whole * np.cross([0.0, 0.0, 1.0], D - B)
+    C = B + along / whole * (D - B) + across
+    R = turn(np.array([0.4, -1.1, 0.7]))
+    places = {'A': 0.0 * D, 'B': B, 'C': C, 'D': D}
+    part = {'mass': 1.0, 'inertia': {'about_com': [0.01, 0.01, 0.01]}, 'com': [0.1, 0, 0]}
+    hinges = {'A': ('ground', 'AB'), 'B': ('AB', 'BC'), 'C': ('BC', 'DC'), 'D': ('ground', 'DC')}
+    mechanism = {
+        'alf': 1,
+        'name': 'hinged',
+        'space': 'spatial',
+        'points': {n: {'at': (R @ p).tolist(), 'fixed': n in 'AD'} for n, p in places.items()},
+        'bodies': {bar: {'points': list(bar), **part} for bar in ('AB', 'BC', 'DC')},
+        'joints': {
+            f'at_{n}': {
+                'type': 'revolute',
+                'between': list(two),
+                'at': n,
+                'axis': R[:, 2].tolist(),
+            }
+            for n, two in hinges.items()
+        },
+    }
+    drawn = math.atan2(*(C - D)[1::-1])
+    ends = [
+        math.pi - math.acos((ground**2 + rocker**2 - reach**2) / (2.0 * ground * rocker)) - drawn
+        for reach in (coupler + 1.0, coupler - 1.0)
+    ]
+    found = Closure(mechanism, ['at_D']).close({'at_D': 0.0}).travel('at_D')
+    assert found == pytest.approx(ends, abs=1e-11)
