@@ -256,9 +256,9 @@ def _followed_stage(work: Work, shared: Mapping[str, Floats]) -> FollowedStage:
 
 
 def _lanes_for(count: int) -> int:
-    """How many of so many parameters are taken at once: a register of them, or two, or 12, which
-    leave fewer lanes empty."""
-    if max(8, width()) < count <= 12 and width() > 2:
+    """How many of so many parameters are taken at once: a register of them, or two, or three of 4
+    numbers."""
+    if 8 < count <= 12 and width() == 4:
         return 12
     return width() if count <= width() else 2 * width()
 

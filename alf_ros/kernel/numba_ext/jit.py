@@ -10,6 +10,7 @@ from numba import njit
 from numba.core import sigutils
 from numba.core.ccallback import CFunc
 
+from alf_ros.kernel.numba_ext.c_functions import CCompiler
 from alf_ros.kernel.numba_ext.cache import Cache
 from alf_ros.kernel.numba_ext.inner_code import InnerCompiler
 from alf_ros.kernel.numba_ext.plain import PLAIN, Function, entered
@@ -100,7 +101,7 @@ def by_address(
             return Function(signature, function)
         types = sigutils.normalize_signature(signature)
         all_options = {'error_model': 'numpy', **options}
-        made: Any = CFunc(function, types, locals={}, options=all_options)
+        made: Any = CFunc(function, types, {}, all_options, pipeline_class=CCompiler)
         made._cache = cache = Cache(function if of is None else of, variant)
         cache.guarded(made.compile)()
         return made
