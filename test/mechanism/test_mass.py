@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros import Simulation, kernel
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.scene.overrides import with_changes
@@ -151,6 +152,19 @@ def test_kinetic_energy_of_rods_and_points_in_space(kind: str) -> None:
         assert kinetic(model, qd.ravel()) == pytest.approx(
             v @ v + 0.5 * J * across @ across, rel=1e-12
         )
+
+
+def test_an_inertia_is_symmetric_to_rounding() -> None:
+    """One that was turned is not more than that; the mean of both halves counts."""
+    R = Rotation.random(random_state=1).as_matrix()
+    J = R @ np.diag([0.2, 0.3, 0.4]) @ R.T
+    assert (J != J.T).any()
+    model = spatial(3, 0, f'{{about_com: {J.tolist()}}}', 'com: [0, 0, 0]', 1.0, 1)
+    (body,) = model.layout.bodies
+    assert np.array_equal(body.inertia, 0.5 * (J + J.T))
+    J[0, 1] += 1e-6
+    with pytest.raises(InputError, match='not symmetric'):
+        spatial(3, 0, f'{{about_com: {J.tolist()}}}', 'com: [0, 0, 0]', 1.0, 1)
 
 
 @pytest.mark.parametrize('points', [1, 2, 3, 5])

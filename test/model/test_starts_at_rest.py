@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from alf_ros import Simulation, StepError
 from alf_ros.arrays import Floats
@@ -56,6 +57,33 @@ def test_infinitesimally_mobile_only() -> None:
     assert not Simulation(scene(SHAKY, {}, effects={})).state.qd.any()
     verdict, text = answers(scene(SHAKY, {}, effects={}))['initial position']
     assert verdict == BAD and 'infinitesimally mobile only (shaky)' in text
+
+
+@pytest.mark.parametrize('D', [2, 3])
+@pytest.mark.parametrize('angle', [0.05, 0.7, 2.0, 4.1])
+def test_a_table_on_two_parallel_guides_is_not(D: int, angle: float) -> None:
+    """Nothing turns, so that all that rows leave of an acceleration is rounding: where guides lay
+    aslant, no motion was said to begin."""
+    turn = Rotation.from_rotvec([0.0, angle / 2.0 if D == 3 else 0.0, angle])
+    x, y, z = turn.as_matrix().T[:, :D]
+    at = dict(zip('ABC', ([0.0] * D, y.tolist(), z.tolist()), strict=True))
+    points = [*'ABC'][:D]
+    body = {2: {'inertia': 'rod'}, 3: {'com': at['A'], 'inertia': {'about_com': [0.1] * 3}}}[D]
+    guide = {'type': 'prismatic', 'axis': x.tolist()}
+    mechanism = {
+        'alf': 1,
+        'space': 'planar' if D == 2 else 'spatial',
+        'points': {name: {'at': at[name]} for name in points},
+        'bodies': {'table': {'points': points, 'mass': 2, **body}},
+        'joints': {n: {**guide, 'between': ['ground', 'table'], 'at': n.upper()} for n in 'ab'},
+    }
+    gravity = [0.0, -9.81, 0.0][:D]
+    effects = {'gravity': {'acceleration': gravity}}
+    simulation = Simulation(scene(mechanism, {}, effects, A=(0.3 * x).tolist()))
+    simulation.step(100)
+    t = simulation.t
+    way = 0.3 * t + 0.5 * (gravity @ x) * t * t
+    assert simulation.sample().points['A'][:D] == pytest.approx(way * x, abs=1e-12)
 
 
 # ------------------------------------------------------------------------------------------ drives

@@ -219,8 +219,10 @@ def _tensor(entry: Entry, names: Mapping[str, float]) -> tuple[Numbers, ...]:
         J = columns.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
         raise entry.error('not an inertia', expected=expected)
-    if not np.array_equal(J, J.T):
+    most = _ROUNDING * abs(J[0, 0] + J[1, 1] + J[2, 2])
+    if any(abs(J[i, k] - J[k, i]) > most for i, k in ((0, 1), (0, 2), (1, 2))):
         raise entry.error('not symmetric', expected=expected)
+    J = 0.5 * (J + J.T)  # a tensor that was turned is symmetric to rounding
     moments = columns.eigenvalues(J)
     # a slender rod has a moment of zero: turning it leaves rounding
     if moments[0] < -_ROUNDING * moments[2] or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
