@@ -62,8 +62,8 @@ def test_infinitesimally_mobile_only() -> None:
 @pytest.mark.parametrize('D', [2, 3])
 @pytest.mark.parametrize('angle', [0.05, 0.7, 2.0, 4.1])
 def test_a_table_on_two_parallel_guides_is_not(D: int, angle: float) -> None:
-    """Nothing turns, so that all that rows leave of an acceleration is rounding: where guides lay
-    aslant, no motion was said to begin."""
+    """Nothing turns, so that all that rows leave of an acceleration is rounding: with guides that
+    lay aslant the start was refused."""
     turn = Rotation.from_rotvec([0.0, angle / 2.0 if D == 3 else 0.0, angle])
     x, y, z = turn.as_matrix().T[:, :D]
     at = dict(zip('ABC', ([0.0] * D, y.tolist(), z.tolist()), strict=True))
