@@ -149,8 +149,8 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
     """Move q in `work` along M to where its rows are closed; returns whether they are.
 
     A correction that opens the rows further is halved, unless the next one is small. Rounding ends
-    the convergence only of corrections that are Newton's in every mode. `way`: the
-    first correction; `exactly`: it is Newton's in soft modes too.
+    the convergence only of corrections that are Newton's in every mode. `way`: the first one;
+    `exactly`: it is Newton's in soft modes too.
 
     The gradient of a sum of angles fits closed loops. A first correction that closes them
     leaves some of the sum, which moves a soft mode far. If that correction was slight, `way` has

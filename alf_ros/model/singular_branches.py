@@ -44,6 +44,9 @@ IN = 5e-6
 WIDE = 60  # freedoms, from which on branches are not looked for
 _NONE = 1e-9  # part of its terms, from which down a sum counts as zero
 _SMALL = 1e-3  # part of the largest term of all rows that the terms of a sum are, at least
+# of the squared speed over the size of the mechanism: what is far less is rounding. Where nothing
+# turns, all accelerations that rows ask for are
+STRAIGHT = 1e-3
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
 _TIE = 1e-6  # part by which one branch must be steeper than the others
 
@@ -108,7 +111,7 @@ class Position:
     def miss(self, qd: Floats) -> float:
         """By how much q̇ (blocks D, m/s) misses nᵀ c = 0, as a part of the terms of the sum."""
         c = convective(self.model, qd) + self.pushed
-        return float(np.max(np.abs(self.lost @ c) / self._size(c), initial=0.0))
+        return float(np.max(np.abs(self.lost @ c) / self._size(c, qd), initial=0.0))
 
     def can_begin(self, qd: Floats) -> bool:
         """Whether a motion may begin with q̇ (blocks D, m/s), for which Φ_q q̇ + Φ_t = 0."""
@@ -251,7 +254,7 @@ class Position:
         forms, sizes = self._products(basis, np.zeros_like(self.pushed))
         if self.is_driven:
             asked = np.abs(self.lost @ self.pushed).max(initial=0.0)
-            felt = asked > self._noise * self._size(self.pushed).max(initial=0.0)
+            felt = asked > self._noise * self._size(self.pushed, basis[:0]).max(initial=0.0)
             pushed = self.pushed if felt else 0.0 * self.pushed
             # so that what drives do is as large as what the directions do
             square = self._energy
@@ -265,10 +268,13 @@ class Position:
         kept = s > self._noise * sizes.max(initial=0.0)
         return (s[kept, None] * Vt[kept]).reshape(-1, *forms.shape[1:]), rate
 
-    def _size(self, c: Floats) -> Floats:
-        """(k,) how large the terms of nᵀ c are, for c (rows,)."""
-        largest = np.abs(np.sqrt(self.model.system.rows.alpha) * c).max(initial=NOTHING)
-        return np.asarray(np.maximum(np.abs(self.lost) @ np.abs(c), _SMALL * largest))
+    def _size(self, c: Floats, v: Floats) -> Floats:
+        """(k,) how large the terms of nᵀ c are, for c (rows,) of velocities v (…, blocks D)."""
+        rows = self.model.system.rows
+        straight = STRAIGHT * np.abs(v).max(initial=0.0) ** 2 / self.model.size / rows.scale
+        weight = np.sqrt(rows.alpha)
+        most = (weight * np.maximum(_SMALL * np.abs(c), straight)).max(initial=NOTHING)
+        return np.asarray(np.maximum(np.abs(self.lost) @ np.abs(c), most))
 
     @property
     def _noise(self) -> float:
@@ -293,7 +299,7 @@ class Position:
                 if i == j == len(self.free):
                     both += pushed
                 forms[:, i, j] = forms[:, j, i] = self.lost @ both
-                sizes[:, i, j] = sizes[:, j, i] = self._size(both)
+                sizes[:, i, j] = sizes[:, j, i] = self._size(both, basis[[i, j]])
         return forms, sizes
 
 
