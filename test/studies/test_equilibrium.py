@@ -679,6 +679,26 @@ def test_none_is_said_in_one_line() -> None:
     assert '\n' not in str(error.value) and 'P1' in str(error.value)
 
 
+def test_none_under_the_weight_of_slides() -> None:
+    """They have no stiffness: all of it is rounding, and so is its skew part."""
+    x, y = [0.8, 0.6], [-0.4, 1.1]
+    points = {'A': [0.0, 0.0], 'B': y, 'C': [0.5, 0.9], 'D': [0.4, 1.4]}
+    mechanism = {
+        'alf': 1,
+        'points': {name: {'at': at} for name, at in points.items()},
+        'bodies': {
+            'bridge': {'points': ['A', 'B'], 'mass': 1.0, 'inertia': 'rod'},
+            'head': {'points': ['C', 'D'], 'mass': 1.0, 'inertia': 'rod'},
+        },
+        'joints': {
+            'along': {'type': 'prismatic', 'between': ['ground', 'bridge'], 'at': 'A', 'axis': x},
+            'across': {'type': 'prismatic', 'between': ['bridge', 'head'], 'at': 'C', 'axis': y},
+        },
+    }
+    with pytest.raises(InputError, match='never stop doing work'):
+        equilibrium(load_scene({'mechanism': mechanism, 'effects': GRAVITY}))
+
+
 def test_refused() -> None:
     with pytest.raises(InputError, match='not a scene'):
         equilibrium(5)  # type: ignore[arg-type]

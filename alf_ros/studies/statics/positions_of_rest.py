@@ -380,11 +380,6 @@ def _unrest(simulation: Simulation, landing: Landing) -> str:
         f'no position of rest is found: after {landing.steps} steps {landing.left:.3g} m/s^2 are '
         f'left, with forces on {names}'
     )
-    K = (instant.K + instant.curvature(landing.lam)).toarray() if model.n <= DENSE else None
-    if K is not None:
-        Z = instant.velocity_directions
-        reduced = Z.T @ K @ Z
-        skew = np.abs(reduced - reduced.T).max(initial=0.0)
-        if skew > 1e-6 * np.abs(reduced).max(initial=1e-300):
-            return text + '; the loads have no potential, and do not settle'
+    if model.n <= DENSE and not reduced_stiffness(instant, landing.lam).conservative:
+        return text + '; the loads have no potential, and do not settle'
     return f'{text}; {_REASONS[landing.ending]}'
