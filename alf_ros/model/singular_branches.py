@@ -44,9 +44,7 @@ IN = 5e-6
 WIDE = 60  # freedoms, from which on branches are not looked for
 _NONE = 1e-9  # part of its terms, from which down a sum counts as zero
 _SMALL = 1e-3  # part of the largest term of all rows that the terms of a sum are, at least
-# of the squared speed over the size of the mechanism: what is far less is rounding. Where nothing
-# turns, all accelerations that rows ask for are
-STRAIGHT = 1e-3
+_STRAIGHT = 1e-3  # of the squared speed over the size, an acceleration of next to no curvature
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
 _TIE = 1e-6  # part by which one branch must be steeper than the others
 
@@ -271,9 +269,8 @@ class Position:
     def _size(self, c: Floats, v: Floats) -> Floats:
         """(k,) how large the terms of nᵀ c are, for c (rows,) of velocities v (…, blocks D)."""
         rows = self.model.system.rows
-        straight = STRAIGHT * np.abs(v).max(initial=0.0) ** 2 / self.model.size / rows.scale
-        weight = np.sqrt(rows.alpha)
-        most = (weight * np.maximum(_SMALL * np.abs(c), straight)).max(initial=NOTHING)
+        least = straight(self.model, v) / rows.scale
+        most = (np.sqrt(rows.alpha) * np.maximum(_SMALL * np.abs(c), least)).max(initial=NOTHING)
         return np.asarray(np.maximum(np.abs(self.lost) @ np.abs(c), most))
 
     @property
@@ -328,6 +325,12 @@ def position(model: Model, q: Floats, t: float = 0.0) -> Position:
         kernel.add_mass_times(model.unit, system.mass, 1.0, drift, momenta)
         drift = drift - (free[small, : model.n] @ momenta) @ free[small]
     return Position(model, q, t, free[small], lost[few], x, drift, pushed)
+
+
+def straight(model: Model, v: Floats) -> float:
+    """An acceleration, m/s²: that which rows ask for of velocities v (…, blocks D), m/s, is judged
+    beside it at least. Where nothing turns, all that they ask for is rounding."""
+    return _STRAIGHT * float(np.abs(v).max(initial=0.0)) ** 2 / model.size
 
 
 def components(model: Model, given: Given) -> tuple[list[int], Floats]:

@@ -20,12 +20,12 @@ from alf_ros.model.prescribed import prescribe
 from alf_ros.model.quadratic_cones import CURVED, MANY, SAME, SHAKY, SMOOTH
 from alf_ros.model.rank import effective_rank
 from alf_ros.model.singular_branches import (
-    STRAIGHT,
     WIDE,
     Branch,
     Position,
     components,
     position,
+    straight,
 )
 
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
@@ -270,8 +270,7 @@ def _accelerated(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
     linearise(model, model.system, work)
     kernel.times_jacobian(model.unit, rows, work.g, work.g2, x, work.r2)
     work.r2[:] = -convective(model, qd) - work.r2
-    straight = STRAIGHT * float(np.abs(qd).max(initial=0.0)) ** 2 / model.size
-    size = max(straight, float(np.max(np.abs(work.r2) * rows.scale, initial=0.0)))
+    size = max(straight(model, qd), float(np.max(np.abs(work.r2) * rows.scale, initial=0.0)))
     kernel.augmented(model.unit, model.system, work, work.p, x, kernel.Until(100, 1e-12, 1.0))
     left = float(np.max(np.abs(work.r2) * rows.scale, initial=0.0))
     return x, left / max(size, NOTHING)

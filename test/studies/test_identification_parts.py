@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -29,6 +29,8 @@ from alf_ros.studies.identification.window import Window, cut
 from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
 from alf_ros.studies.identification.window_start import StartChart
 from support.recordings import Machine, changed, pushes
+
+R = TypeVar('R', bound=WindowRuns)
 
 
 @pytest.mark.parametrize(
@@ -131,6 +133,18 @@ def test_derivatives_are_those_of_differences(name: str, names: list[str], size:
         assert np.abs(J[:, k] - expected).max() <= least * np.abs(expected).max(), k
 
 
+def runs_of_a_window(kind: type[R], delay: bool) -> tuple[R, Window, Floats]:
+    """The runs of a slider-crank over 0.3 s, by the mass of its coupler; its window, and the start
+    of that."""
+    scene = load_scene('slider_crank')
+    machine = Machine(scene, ('crank_pin', 'guide'), 0.3)
+    channels = machine.recording(velocities=True).channels
+    runs = kind(scene, ['coupler.mass'], channels, delay=delay)
+    (window,) = tracked(runs, machine, 0.3, margin=0.02)
+    assert window.chart is not None
+    return runs, window, window.chart.free
+
+
 class CountedRuns(WindowRuns):
     """With the number of runs."""
 
@@ -143,15 +157,10 @@ class CountedRuns(WindowRuns):
 
 def test_a_run_that_fails_is_made_once_and_leaves_the_others() -> None:
     """One start of three is far too fast for the step."""
-    scene = load_scene('slider_crank')
-    machine = Machine(scene, ('crank_pin', 'guide'), 0.3)
-    channels = machine.recording(velocities=True).channels
-    runs = CountedRuns(scene, ['coupler.mass'], channels, delay=False)
-    (window,) = tracked(runs, machine, 0.3, margin=0.02)
-    assert window.chart is not None
-    free, shared = window.chart.free, np.array([1.0])
+    runs, window, free = runs_of_a_window(CountedRuns, delay=False)
+    shared = np.array([1.0])
     starts = [(window, each) for each in (free, 1e9 * (free + 1.0), 1.01 * free)]
-    fit = WeighedWindows(runs, [window] * 3, np.full(len(channels), 1e-3), 'linear')
+    fit = WeighedWindows(runs, [window] * 3, np.full(len(runs.channels), 1e-3), 'linear')
     assert np.isinf(costs(fit, starts, shared)).tolist() == [False, True, False]
     assert runs.count == 3
     good, bad, _ = fit.attempts(starts, shared)
@@ -168,13 +177,8 @@ def test_a_run_that_fails_is_made_once_and_leaves_the_others() -> None:
 
 def test_a_window_is_not_run_twice_at_the_same_numbers() -> None:
     """With its jacobian it serves without, too; other numbers, starts and delays are others."""
-    scene = load_scene('slider_crank')
-    machine = Machine(scene, ('crank_pin', 'guide'), 0.3)
-    channels = machine.recording(velocities=True).channels
-    runs = WindowRuns(scene, ['coupler.mass'], channels, delay=True)
-    (window,) = tracked(runs, machine, 0.3, margin=0.02)
-    assert window.chart is not None
-    values, free = np.array([1.0]), window.chart.free
+    runs, window, free = runs_of_a_window(WindowRuns, delay=True)
+    values = np.array([1.0])
     count = free.size
     start = [(window, free)]
     (plain,) = runs.misfits_at(values, start, 0.0, None)

@@ -147,7 +147,7 @@ def _is_curved(params: Floats, p: int) -> bool:
 @shared
 def interpolate(params: Floats, at: int, x: float) -> float:
     """f(x) of the table at params[at]."""
-    if params[at] == 0.0:  # no points: one straight piece, as of a stiffness
+    if params[at] == 0.0:  # no points: a straight `law`, from 0
         return plus_product(params[at + 2], params[at + 3], x)
     p = _piece(params, at, x)
     d = x - params[p]
