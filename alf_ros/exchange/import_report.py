@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 # what changes the motion, and how
 MOTION = {
+    'loops (see --loops)': 'they are open: the file that closes them is not given',
     'inertia, repaired': 'the least change that makes it one of a body',
     'inertia: there is none': 'all mass is at the centre of mass',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',

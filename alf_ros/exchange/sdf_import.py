@@ -70,7 +70,8 @@ class _Reader:
         self.joints: list[tuple[str, ElementTree.Element]] = []
         self.visuals: list[tuple[str, str, ElementTree.Element]] = []  # scope, link
         if not models:
-            raise self.error('model', 'there is none', top, expected='<model> or <world>')
+            held = '<model> or <world>' if world is None else '<model> or <include> in the <world>'
+            raise self.error('model', 'there is none', top, expected=held)
         for other in root.findall('world')[1:]:
             self.robot.leave('elements', f'world {other.get("name", "")}')
         only = models[0].findtext('name') or models[0].get('name') if len(models) == 1 else None

@@ -77,6 +77,8 @@ def read(
         for kind in _TOLD:
             for text in told.get(kind, ()):
                 reader.robot.leave(kind, text)
+    if side is None and (other := side_file(path)) is not None:
+        reader.robot.leave('loops (see --loops)', other.name)
     urdf_loops.leave(reader)
     for loop in loops:
         two_ended_loops.add(reader, loop)

@@ -275,6 +275,12 @@ def test_a_mistake_in_an_sdf_has_its_line(
     assert str(caught.value).startswith(f'{path}:{line}: {message}')
 
 
+def test_an_empty_world_is_not_asked_for_a_world(tmp_path: Path) -> None:
+    path = saved(tmp_path, 'it.sdf', '<sdf version="1.9">\n<world name="w"/></sdf>')
+    with pytest.raises(InputError, match='none; expected <model> or <include> in the <world>$'):
+        imported(path)
+
+
 def test_a_colour_of_one_number_in_an_sdf_is_no_traceback(tmp_path: Path) -> None:
     shape = """<visual name="v"><geometry><sphere><radius>1</radius></sphere></geometry><material>
     <diffuse>1</diffuse></material></visual><pose"""

@@ -215,6 +215,9 @@ def test_the_file_beside_a_urdf_is_found(tmp_path: Path) -> None:
     """By its name and keys; a file of another kind is not one."""
     urdf, loops = (Path(path) for path in written(tmp_path, five_bar(), GEPETTO))
     assert side_file(urdf) == loops
+    told = 'loops (see --loops): they are open: the file that closes them is not given: robot.yaml'
+    assert f'#   {told}' in imported(str(urdf)).splitlines()
+    assert 'they are open' not in imported(str(urdf), loops=str(loops))
     loops.write_text('[1, 2', 'utf-8')
     assert side_file(urdf) is None
     beside = tmp_path / 'loop_closures.yaml'
