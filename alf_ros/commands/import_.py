@@ -77,6 +77,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--floating', action='store_true', help='let the root link of a URDF move freely'
     )
     parser.add_argument(
+        '--mass',
+        type=float,
+        metavar='KG',
+        help='a mass for each link of a file without any, for positions and loops alone',
+    )
+    parser.add_argument(
         '--repair-inertia',
         action='store_true',
         help='replace each impossible inertia by the nearest possible one',
@@ -102,6 +108,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         given = getattr(options, key)
         if given is not None and given <= 0.0:
             raise InputError('not a stiffness', key=f'--{key}', value=given)
+    if options.mass is not None and options.mass <= 0.0:
+        raise InputError('not a mass', key='--mass', value=options.mass)
     if (options.file is None) == (options.corpus is None):
         raise InputError('give a FILE, or a folder of them by --corpus')
     wishes = {
@@ -112,6 +120,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         'ground': options.ground,
         'floating': options.floating,
         'positions': numbers(options.set),
+        'mass': options.mass,
         'repair_inertia': options.repair_inertia,
         'balls': options.balls,
         'key': options.key,

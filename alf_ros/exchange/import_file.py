@@ -14,6 +14,7 @@ from alf_ros.exchange import (
     ball_rows,
     fitting_solver,
     gimbal_lock,
+    given_masses,
     ground_touches,
     inertia,
     inertialess_ends,
@@ -38,6 +39,7 @@ from alf_ros.simulation.start import started
 
 _LIGHT = 1e-4  # of the mean mass: a direction with less may have too little for a run
 
+_MASSES = 'mass and inertia of links; or --mass KG, for positions and loops alone'
 # the formats that take no plane besides those of the file, with the reason
 WITHOUT_GROUND = {
     'mujoco': 'not for MJCF, which states planes in the file',
@@ -52,9 +54,10 @@ class Wishes:
     loops: path of a side file that closes loops of a URDF. scene: effects as well. stops:
     stiffness of a stop at each limit of a joint. contact: stiffness of what touches a plane.
     ground: height of a horizontal plane, m, for URDF and SDF. floating: the root link of a URDF is
-    free. positions: of joints as drawn, rad or m. repair_inertia: change impossible inertias.
-    balls: one ball, with their angles, for three revolutes through links without mass. key: the
-    keyframe of an MJCF that it begins at. arguments: of a xacro.
+    free. positions: of joints as drawn, rad or m. mass: of each link, kg, where the file has none.
+    repair_inertia: change impossible inertias. balls: one ball, with their angles, for three
+    revolutes through links without mass. key: the keyframe of an MJCF that it begins at.
+    arguments: of a xacro.
     """
 
     loops: str | None = None
@@ -64,6 +67,7 @@ class Wishes:
     ground: float | None = None
     floating: bool = False
     positions: Mapping[str, float] = field(default_factory=dict)
+    mass: float | None = None
     repair_inertia: bool = False
     balls: bool = True
     key: str | None = None
@@ -87,6 +91,8 @@ def imported(source: str, **wishes: Any) -> str:
             raise InputError(f'not a usable number for {name!r}', key='--set', value=x)
     robot = _robot(paths.named(source), asked)
     ground_touches.of_colliders(robot, asked.ground)
+    if asked.mass is not None:
+        given_masses.given(robot, asked.mass)
     massless_ends.left_out(robot)
     inertialess_ends.fixed(robot)
     if asked.balls:
@@ -97,11 +103,11 @@ def imported(source: str, **wishes: Any) -> str:
         light = [name for kind in kinds for name in robot.left_out.names.get(kind, ())]
         if light:
             message = f'no part of it can move: joints {", ".join(light)} move no mass'
-            raise InputError(message, file=source, expected='mass and inertia of their links')
+            raise InputError(message, file=source, expected=_MASSES)
         raise InputError(f'no part of it can move{robot.still}', file=source)
     if not any(part.mass or part.inertia.any() for part in robot.parts):
         message = 'no part that can move has mass'
-        raise InputError(message, file=source, expected='mass and inertia of its links')
+        raise InputError(message, file=source, expected=_MASSES)
     inertia.checked(robot, asked.repair_inertia)
     mesh_units.noted(robot)
     scene = asked.is_scene

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 # what changes the motion, and how
 MOTION = {
     'loops (see --loops)': 'they are open: the file that closes them is not given',
+    'masses, given': 'the file has none: forces, and motions under forces, are not those of the '
+    'robot',
     'inertia, repaired': 'the least change that makes it one of a body',
     'inertia: there is none': 'all mass is at the centre of mass',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',
@@ -161,6 +163,7 @@ READING = {
     '(see --no-balls)',
     'mass: there is none': 'these move with the bodies between which they are, as in a universal '
     'joint',
+    'masses of the file': 'they count, and none is given',
     'zero of joints': 'here it is as drawn',
     'link of the world: there is none': 'it is the ground, as in Drake',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",

@@ -19,8 +19,7 @@ _TURNS = ('revolute', 'spherical')
 
 def fixed(robot: Robot) -> None:
     """Fix the joints of such ends; a rotor, a coupling or a tendon keeps a joint."""
-    size = max([0.0, *(float(np.abs(part.origin).max()) for part in robot.parts)])
-    size = max([size, *(float(np.abs(each.place).max()) for each in robot.connections)])
+    size = robot.size
     kept = {each.name for each in robot.connections if each.armature}
     kept |= {name for each in robot.couplings for name in each.of}
     kept |= {name for each in robot.tendons for name in each.joints}

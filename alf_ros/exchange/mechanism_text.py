@@ -52,8 +52,7 @@ class _Points:
     """Places of bodies; those that a joint holds together are shared."""
 
     def __init__(self, robot: Robot, names: _Names) -> None:
-        places = [*(c.place for c in robot.connections), *(part.origin for part in robot.parts)]
-        self.size = max((float(np.abs(place).max()) for place in places), default=0.0)
+        self.size = robot.size
         self.at: dict[str, Floats] = {}
         self.fixed: set[str] = set()
         self.of: dict[str, list[str]] = {part.name: [] for part in robot.parts}

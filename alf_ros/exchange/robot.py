@@ -275,6 +275,12 @@ class Robot:
     places: dict[str, ElementTree.Element | None] = field(default_factory=dict)
     left_out: LeftOut = field(default_factory=LeftOut)
 
+    @property
+    def size(self) -> float:
+        """The largest coordinate of a joint or a part as drawn, m."""
+        places = [*(c.place for c in self.connections), *(part.origin for part in self.parts)]
+        return max((float(np.abs(place).max()) for place in places), default=0.0)
+
     def leave(self, kind: str, name: str) -> None:
         """Note that something of `name` does not come along; `kind` is one of `report`."""
         self.left_out.add(kind, name.replace(GROUND, 'ground'))
