@@ -69,9 +69,12 @@ class EffortLimits:
         # c x with x at the end of the piece, then at its start; else m u + c x in the middle
         a = np.where(light, 2.0 * own, self.m[k] + own)
         a = np.concatenate([a, np.zeros(which.size - a.size)])
-        b, high, low = self.c[k][which], self.high[which], self.low[which]
-        g = self.g[k][which]
-        return np.concatenate([a, -a]), np.concatenate([b, -b]), np.concatenate([high - g, g - low])
+        b, above, below = self.c[k], self.high - self.g[k], self.g[k] - self.low
+        return (
+            np.concatenate([a, -a]),
+            np.concatenate([b[which], -b[which]]),
+            np.concatenate([above[which], below[which]]),
+        )
 
     def _controllable(self, k: int, low: float, high: float) -> tuple[float, float]:
         """The interval of x at the start of piece k from which [low, high] at its end is
