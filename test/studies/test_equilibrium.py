@@ -673,6 +673,24 @@ def test_sides_that_differ_with_two_freedoms_are_undecided() -> None:
     assert modes(found).squares.shape == (2,)
 
 
+@pytest.mark.parametrize(
+    ('table', 'at'), [(CORD, [1.2, 0.1]), ([[-1.0, -200.0], [0.0, 0.0], [1.0, 0.0]], [0.8, 0.1])]
+)
+def test_the_edge_of_a_force_with_two_freedoms_is_neutral(
+    table: list[list[float]], at: list[float]
+) -> None:
+    """A mass comes to rest where a cord is just taut, or a spring that only pushes just free. No
+    side falls: the force that would turn the mass away is zero there."""
+    body = {'points': ['P'], 'mass': 2.0, 'inertia': 'point'}
+    mechanism = {'alf': 1, 'points': {'P': {'at': at}}, 'bodies': {'b': body}}
+    spring = {'between': ['P', 'ground'], 'at': [None, [0.0, 0.0]], 'free_length': 1.0}
+    effects = {'spring': {**spring, 'table': table}}
+    found = equilibrium(load_scene({'mechanism': mechanism, 'effects': effects}))
+    assert np.hypot(*found.points['P']) == pytest.approx(1.0, abs=1e-12)
+    assert found.stability == 'neutral'
+    assert found.notes == ('a force has a kink here: the stiffness is of one side of it',)
+
+
 def test_none_is_said_in_one_line() -> None:
     with pytest.raises(InputError, match='never stop doing work') as error:
         equilibrium(chain(1, {'constant_wrench': {'on': 'b0', 'torque': 1.0}}))

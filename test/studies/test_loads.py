@@ -282,6 +282,43 @@ def test_fastest_turn_of_a_crank() -> None:
     assert errors[2] < 5e-6 and errors[0] / errors[2] > 16.0**1.3 / 2.0
 
 
+def arm() -> Scene:
+    """Two rods (1 m, 1 kg) on level ground, both joints driven."""
+    rod = {'mass': 1.0, 'inertia': 'rod'}
+    mechanism = {
+        'alf': 1,
+        'points': {
+            'O': {'at': [0, 0], 'fixed': True},
+            'A': {'at': [1, 0]},
+            'B': {'at': [1 + np.cos(1), np.sin(1)]},
+        },
+        'bodies': {'upper': {'points': ['O', 'A'], **rod}, 'lower': {'points': ['A', 'B'], **rod}},
+        'joints': {
+            'shoulder': {'type': 'revolute', 'between': ['ground', 'upper'], 'at': 'O'},
+            'elbow': {'type': 'revolute', 'between': ['upper', 'lower'], 'at': 'A'},
+        },
+        'drives': {
+            'first': {'joint': 'shoulder', 'angle': 'sin(2*t)'},
+            'second': {'joint': 'elbow', 'angle': 'cos(2*t)'},
+        },
+    }
+    return load_scene({'mechanism': mechanism})
+
+
+def test_fastest_run_past_a_zero_of_the_inertia() -> None:
+    """Where the shoulder's effort for a unit of s̈ changes its sign, nothing but the speed keeps
+    its limit. The speed alternated there, down to zero, and so did all other efforts."""
+    runs = [
+        fastest(arm(), {'shoulder': 10.0, 'elbow': 10.0}, length=1.0, pieces=pieces)
+        for pieces in (100, 800)
+    ]
+    for run in runs:
+        square = run.rate**2
+        assert np.abs(np.diff(square)).max() < 12.0 * square.max() / square.size
+        assert run.loads.peaks['elbow'].largest == pytest.approx(4.0, abs=0.05)
+    assert runs[0].duration == pytest.approx(runs[1].duration, rel=1e-3)
+
+
 def test_fastest_run_with_a_damper() -> None:
     damper = {'damper': {'between': ['O', 'B'], 'damping': 1.5}}
     scene = crank('pi/4 - 0.7*t', **damper)

@@ -6,6 +6,11 @@ where the limits hold. Backwards from the end of the path, the interval of x at 
 piece is found from which the end can be reached; then forwards the largest u that stays within.
 For one piece this is a linear programme in u and x.
 
+Near a zero of m, where |m| < Δ |c|, a limit in the middle would bound little but the sum of x at
+both ends, and x alternates about the largest value, down to zero. There c ṡ² + g keeps the limit
+at both ends instead. The other limits in these pieces are the same, and so is the order of the
+error.
+
 Source: H. Pham, Q.-C. Pham, A new approach to time-optimal path parameterization based on
 reachability analysis, IEEE Trans. Robotics 34 (2018) 645-659.
 """
@@ -58,11 +63,17 @@ class EffortLimits:
 
     def _rows(self, k: int) -> tuple[Floats, Floats, Floats]:
         """a u + b x ≤ d of the limits in piece k."""
-        a, b = self.m[k] + self.way * self.c[k], self.c[k]
+        own = self.way * self.c[k]
+        light = np.abs(self.m[k]) < np.abs(own)
+        which = np.concatenate([np.arange(own.size), np.flatnonzero(light)])
+        # c x with x at the end of the piece, then at its start; else m u + c x in the middle
+        a = np.where(light, 2.0 * own, self.m[k] + own)
+        a = np.concatenate([a, np.zeros(which.size - a.size)])
+        b, above, below = self.c[k], self.high - self.g[k], self.g[k] - self.low
         return (
             np.concatenate([a, -a]),
-            np.concatenate([b, -b]),
-            np.concatenate([self.high - self.g[k], self.g[k] - self.low]),
+            np.concatenate([b[which], -b[which]]),
+            np.concatenate([above[which], below[which]]),
         )
 
     def _controllable(self, k: int, low: float, high: float) -> tuple[float, float]:

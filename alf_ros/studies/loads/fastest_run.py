@@ -76,8 +76,9 @@ def fastest(
     path: a scene whose drives prescribe the path: their t is the parameter s of the path, from 0
     to `length`, and says nothing about time. limits: for each actuator (as in `loads`) the largest
     effort (N or N m), or the least and the largest. pieces: of constant s̈; the error of
-    the duration falls with the power 1.5 of their length, and with the power 1 if forces are
-    proportional to the speed: these are roots of ṡ², whose slope is infinite at rest.
+    the duration falls with the power 1.5 of their length. It falls with the power 1 if forces are
+    proportional to the speed (these are roots of ṡ², whose slope is infinite at rest), or if the
+    path itself begins or ends at rest, as a table does: ṡ then begins with a jump.
 
     Raises InputError for what cannot be used, with friction that depends on reactions, if the
     actuators cannot follow the path, or limits are too small to hold the mechanism on it.
