@@ -168,7 +168,8 @@ def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
     if options.output is not None:
         path = paths.named(options.output, '-o')
         with writing('-o', options.output), paths.replacing(path) as target:
-            with target.open('w', encoding='utf-8') as stream:
+            # names of files need not be UTF-8
+            with target.open('w', encoding='utf-8', errors='backslashreplace') as stream:
                 print(about(), file=stream)
                 corpus.write(stream, found)
     return 0 if all(each.result == corpus.OK for each in found) else 1

@@ -31,7 +31,7 @@ _CLOSED = 4.0  # rounding units of the size
 _EXACT = 1e-3  # of x, a step that ends the residuals of a correction
 _CONTRACTS = 0.5  # of a correction, the next one with the same factor
 _NEARLY = 1e-13  # of the size: closed, where rounding ends the convergence
-_ROUNDED = 4.0  # rounding units of the largest coordinate: no gap is known better far away
+_ROUNDED = 4.0  # rounding units of the largest number of a row, as far away or after many turns
 _SLOW = 0.2  # of two gaps: a mode converges slowly
 _SHORTEST = 1.0 / 64.0  # of a correction
 _SLIGHT = 0.01  # of the way from `before`: a first correction that tells nothing of a branch
@@ -158,7 +158,11 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
     """
     unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
     size, n = system.size, work.p.size
-    nearly = max(_NEARLY * size, _ROUNDED * EPS * largest(work.q, n))
+    known = largest(work.q, n)
+    if work.sums.size > 0:
+        for k in each(0, closing.turned.size):
+            known = max(known, size * 2.0 * np.pi * abs(closing.turned[k]))
+    nearly = max(_NEARLY * size, _ROUNDED * EPS * known)
     best, fraction, first, second, slow = np.inf, 1.0, True, False, exactly
     counts[FACTORED] = 0
     for _ in range(_ROUNDS):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -103,6 +104,16 @@ def test_the_command_writes_a_table(tmp_path: Path, capsys) -> None:
     assert head.startswith('# ') and columns.startswith('file,result,why,freedoms,loops,')
     assert row.startswith('broken.urdf,refused,"not XML') or row.startswith('broken.urdf,refused')
     assert '| broken.urdf | refused: not XML' in capsys.readouterr().out
+
+
+def test_a_name_that_is_not_utf_8(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It has a row in both tables, which continue."""
+    name = os.fsdecode(b'\xff.urdf')
+    (tmp_path / name).write_text('<robot name="r"><link', encoding='utf-8')
+    output = tmp_path / 'table.csv'
+    assert main(['--corpus', str(tmp_path), '-o', str(output)]) == 1
+    assert r'\udcff.urdf | refused' in capsys.readouterr().out
+    assert r'\udcff.urdf,refused' in output.read_text(encoding='utf-8')
 
 
 def test_mistakes_of_the_command(tmp_path: Path) -> None:

@@ -339,3 +339,11 @@ def test_a_gripper_with_a_mimic_joint() -> None:
 
 
 HINGES = ('left_hinge', 'right_hinge')
+
+
+def test_a_rack_has_no_end_after_many_turns() -> None:
+    """Rounding of the angle is more than the gap of closed loops, and no dead point."""
+    pinion = Closure('rack_and_pinion', active=['axle'])
+    assert pinion.close({'axle': 1100.0}).joints['guide'] == pytest.approx(55.0, abs=1e-10)
+    pinion.restart()
+    assert pinion.close(pinion.start).travel('axle') == (-math.inf, math.inf)

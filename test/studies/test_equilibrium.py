@@ -717,6 +717,44 @@ def test_none_under_the_weight_of_slides() -> None:
         equilibrium(load_scene({'mechanism': mechanism, 'effects': GRAVITY}))
 
 
+def test_a_wheel_rests_on_planes_of_any_direction() -> None:
+    """Nothing but its weight on the plane: reactions along the plane are rounding of that one, and
+    so is the stiffness that they give."""
+    normal, axle, spoke = np.array([[2.0, 1.0, 2.0], [1.0, 2.0, -2.0], [2.0, -2.0, -1.0]]) / 3.0
+    mechanism = {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {'O': {'at': [0, 0, 0], 'fixed': True}, 'C': {'at': (0.5 * normal).tolist()}},
+        'vectors': {'axle': {'along': axle.tolist()}, 'spoke': {'along': spoke.tolist()}},
+        'bodies': {
+            'disk': {
+                'points': ['C'],
+                'vectors': ['axle', 'spoke'],
+                'mass': 2.0,
+                'inertia': {'about_com': [0.25, 0.125, 0.125]},
+            }
+        },
+        'joints': {
+            'rim': {
+                'type': 'no_slip',
+                'between': ['ground', 'disk'],
+                'at': 'C',
+                'radius': 0.5,
+                'on': {'through': [0, 0, 0], 'normal': normal.tolist()},
+            },
+            'upright': {
+                'type': 'perpendicular',
+                'between': ['ground', 'disk'],
+                'axes': [normal.tolist(), axle.tolist()],
+            },
+        },
+    }
+    weight = {'gravity': {'acceleration': (-9.81 * normal).tolist()}}
+    found = equilibrium(load_scene({'mechanism': mechanism, 'effects': weight}))
+    assert found.stability == 'neutral' and found.stiffness.tolist() == [0.0, 0.0]
+    assert found.conservative
+
+
 def test_refused() -> None:
     with pytest.raises(InputError, match='not a scene'):
         equilibrium(5)  # type: ignore[arg-type]

@@ -203,7 +203,8 @@ def test_inputs_of_another_shape_change_nothing() -> None:
     arrays = np.zeros(3), np.zeros((3, 2)), np.zeros((3, 1), complex)
     days = np.full((3, 1), np.datetime64('2020-01-01'))
     others = [['1']] * 3, [[0.0], [np.nan], [0.0]], [[1j]] * 3, 'x', [[0.0], []]
-    for wrong in (*arrays, days, np.ma.masked_all((3, 1)), *others):
+    objects = np.array([['1'], [2], [3]], dtype=object), [[10**400]] * 3
+    for wrong in (*arrays, days, np.ma.masked_all((3, 1)), *others, *objects):
         with pytest.raises(InputError):
             ensemble.step(wrong)
     for which in (3, 'x', [True], 1.5, [[0.5]]):

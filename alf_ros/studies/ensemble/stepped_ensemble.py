@@ -258,8 +258,10 @@ class Ensemble:
                 # numpy would drop imaginary parts and masks, read text, and count days
                 if array.dtype.kind not in 'biufO' or np.ma.isMaskedArray(inputs):
                     raise TypeError
+                if array.dtype.kind == 'O' and any(isinstance(x, str) for x in array.flat):
+                    raise TypeError
                 given = np.asarray(array, dtype=float)
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 raise InputError(
                     'no array of numbers', key='inputs', value=inputs, expected='real numbers'
                 ) from None

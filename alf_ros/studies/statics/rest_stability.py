@@ -28,6 +28,7 @@ _NEUTRAL = 1e-9  # ω² of the terms that it is the sum of, from which down it c
 _DRAINING = 1e-9  # of the damping of a motion: what rounding may leave of none
 _GROWING = 1e-9  # of an eigenvalue of the motion: what rounding may leave of none
 _SOLVED = 1e-14  # of the largest number of a matrix: what its eigenvalues may be off by
+_ROUNDING = float(np.finfo(float).eps)  # of the largest reaction, in others
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +36,23 @@ class ReducedStiffness:
     """H = Zᵀ (K + Σ λ_k H_k) Z on the free directions, and what it is the sum of.
 
     matrix (f, f): H, 1/s². whole (n, n): K + Σ λ_k H_k, N/m. terms (n, n): magnitudes, N/m.
-    Z (n, f), kg^-½.
+    Z (n, f), kg^-½. loaded (n, n): Σ λ_k H_k in magnitudes, N/m, if all rows had the largest
+    reaction.
     """
 
     matrix: Floats
     whole: Sparse
     terms: Sparse
     Z: Floats
+    loaded: Sparse
 
     @cached_property
     def size(self) -> float:
         """How large the largest terms are, 1/s²."""
-        return float((np.abs(self.Z.T) @ (self.terms @ np.abs(self.Z))).max(initial=0.0))
+        return self._largest(self.terms)
+
+    def _largest(self, terms: Sparse) -> float:
+        return float((np.abs(self.Z.T) @ (terms @ np.abs(self.Z))).max(initial=0.0))
 
     def sums(self, motions: Floats) -> Floats:
         """(k,) how large the terms are that ω² of motions (k, n) is the sum of, 1/s²."""
@@ -55,8 +61,10 @@ class ReducedStiffness:
 
     @cached_property
     def solved(self) -> float:
-        """The possible error of eigenvalues, 1/s²."""
-        return _SOLVED * float(np.abs(self.matrix).max(initial=0.0))
+        """The possible error of eigenvalues, 1/s². A reaction that is zero is rounding of the
+        largest one, and gives a stiffness."""
+        largest = float(np.abs(self.matrix).max(initial=0.0))
+        return _SOLVED * largest + _ROUNDING * self._largest(self.loaded)
 
     def rounding(self, motions: Floats) -> Floats:
         """(k,) the rounding of an ω² that is zero, of motions (k, n), 1/s²."""
@@ -117,7 +125,10 @@ def reduced_stiffness(instant: Instant, lam: Floats) -> ReducedStiffness:
     Z, whole = instant.velocity_directions, instant.K + instant.curvature(lam)
     # reactions of two rows may cancel in Σ λ_k H_k, as of bars that lie on each other
     terms = abs(instant.K) + instant.curvature(lam, sizes=True)
-    return ReducedStiffness(np.asarray(Z.T @ (whole @ Z)), whole, terms, Z)
+    scale = instant.model.system.rows.scale
+    forces = np.divide(np.abs(lam), scale, out=np.zeros(scale.size), where=scale > 0.0)  # N
+    loaded = instant.curvature(scale * forces.max(initial=0.0), sizes=True)
+    return ReducedStiffness(np.asarray(Z.T @ (whole @ Z)), whole, terms, Z, loaded)
 
 
 def reduced_modes(stiffness: ReducedStiffness) -> ReducedModes:
