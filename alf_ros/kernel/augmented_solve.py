@@ -107,11 +107,15 @@ def turned(system: System, work: Work) -> float:
     """How far rounding turns the shortest row, in parts of ε, and at least 1.
 
     q is rounded by a part ε of its distance from the origin, so a row of length l by ε |q| / l.
-    Rows that depend on others contradict each other by that. No round changes it, and it is no
-    slow mode.
+    Rows that depend on others contradict each other by that, and by more: q is closed to rounding
+    of Φ, so in the softest direction only to 1 / σ of it. No round changes it, and it is no slow
+    mode.
     """
     scale = system.rows.scale
-    return max(1.0, largest(work.q, work.q.size) * largest(scale, scale.size))
+    found = max(1.0, largest(work.q, work.q.size) * largest(scale, scale.size))
+    if system.rank < system.rows.alpha.size:
+        found /= min(1.0, system.ordinary)
+    return found
 
 
 @inner
