@@ -13,7 +13,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import urdf_joint_types, urdf_numbers, xml_file
+from alf_ros.exchange import urdf_gazebo_links, urdf_joint_types, urdf_numbers, xml_file
 from alf_ros.exchange.urdf_joint_types import RowPart, Thread
 from alf_ros.scene.text.decimal_numbers import decimal
 
@@ -48,8 +48,9 @@ def read(
     xml = xml_file.root_of(path, arguments)
     if xml.tag != 'robot':
         raise InputError('not a URDF', file=str(path), value=xml.tag, expected='<robot>')
+    absent = [('mass: default of SDF', name) for name in _with_links_of_gazebo(xml, path)]
     urdf_joint_types.rename(xml)
-    kinds, absent = urdf_joint_types.stated(xml), list[tuple[str, str]]()
+    kinds = urdf_joint_types.stated(xml)
     for joint in xml.findall('joint'):
         name = joint.get('name', '')
         kind = kinds.get(name)
@@ -95,6 +96,15 @@ def read(
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
     return UrdfDocument(xml, robot, kinds, rows, threads, damping, tuple(absent))
+
+
+def _with_links_of_gazebo(xml: ElementTree.Element, path: Path) -> list[str]:
+    def refuse(
+        key: str, message: str, at: ElementTree.Element | None = None, **details: Any
+    ) -> InputError:
+        return InputError(message, **xml_file.place_of(at, str(path)), key=key, **details)
+
+    return urdf_gazebo_links.added(xml, refuse)
 
 
 def _loses(joint: ElementTree.Element, kind: str) -> bool:
