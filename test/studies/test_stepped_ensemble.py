@@ -191,6 +191,10 @@ def test_a_member_that_fails_waits_until_it_is_reset():
             {'vary': {'solver.step': [1e-3, 2e-3]}, 'sampling': 'table'},
             '^vary: not of one step and integrator$',
         ),
+        (
+            {'vary': {'solver.step': [1e-3, 2e-3]}, 'sampling': 'table', 'step': 1e-3},
+            '^step: varied too, got 0.001$',
+        ),
     ],
 )
 def test_refusals(settings, said):

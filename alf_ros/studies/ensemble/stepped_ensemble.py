@@ -67,6 +67,9 @@ class Ensemble:
             given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling, chunk=1)
             count = check.whole(given.members, 'members', 1, MOST_MEMBERS)
             drawn = [name for name, _ in given.vary]
+            for name in settings:
+                if f'solver.{name}' in drawn:
+                    raise InputError('varied too', key=name, value=settings[name])
             scenes = [given.scene_of(k) for k in range(count)]
             self._members = [Simulation(each, **settings) for each in scenes]
         else:
