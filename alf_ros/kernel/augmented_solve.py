@@ -27,14 +27,15 @@ from alf_ros.kernel.data import (
 )
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.numba_ext.calls import call_for_number
-from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
+from alf_ros.kernel.numba_ext.jit import ZERO, compiled, expanded, inner
+from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.stopping import LEFT
 from alf_ros.kernel.triangular_solve import solve, step_by
 
-DIRECTIONS = 40  # of conjugate gradients, at most
-_REFINEMENTS = 2  # rounds after conjugate gradients, which remove the rounding they bring
+DIRECTIONS = 40  # of conjugate residuals, at most
+_REFINEMENTS = 2  # rounds after conjugate residuals, which remove the rounding they bring
 NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
 ROUNDING = 1e-12  # of an eigenvalue
 
@@ -150,45 +151,63 @@ def along_direction(unit: Unit, system: System, work: Work) -> tuple[float, floa
 def finish(
     unit: Unit, system: System, work: Work, x: Floats, tolerance: float, limits: ModeLimits
 ) -> float:
-    """Continue from `augmented` by conjugate gradients, with the Φ_q of the factor.
+    """Continue from `augmented` by conjugate residuals, with the Φ_q of the factor.
 
     The iteration of `augmented` is steepest descent for Φ_q A⁻¹ Φ_qᵀ z = r2, preconditioned by α.
     The eigenvalues are s² / (1 + s²): nearly all of them 1, and small for a row about to lose its
-    direction. Conjugate gradients take as many steps as there are clusters of eigenvalues,
+    direction. Conjugate residuals take as many steps as there are clusters of eigenvalues,
     whatever the penalty. They end where rows are off by `limits.noise` or by the rounding of x,
-    and at a mode that `limits` leaves out.
+    and at a mode that `limits` leaves out. A row of velocities without Φ binds no position.
+
+    r2 also has what rounding leaves of rows that depend on others, which no step removes. Where it
+    is most of r2, a step of conjugate gradients may be 1 / ROUNDING too long. Conjugate residuals
+    make r2 as small as it can be: a step is as long as the modes ask for that it reduces.
     Returns the least singular value σ met, s² = penalty σ²; 0 if there were too many.
     """
     rows, delta, r2, y, z, w = system.rows, work.delta, work.r2, work.y, work.z, work.w
-    n, m = work.p.size, r2.size
-    least, rho = np.inf, 0.0
-    for r in range(m):
-        z[r] = rows.alpha[r] * r2[r]
-        rho += r2[r] * z[r]
+    n, m = np.uint64(work.p.size), np.uint64(r2.size)
+    towards, image, combined = search_of(work.search, n, m)
+    least, before = np.inf, np.inf
     for _ in range(DIRECTIONS):
+        rho, square = 0.0, 0.0
+        for r in range(m):
+            z[r] = rows.alpha[r] * r2[r]
+            rho += r2[r] * z[r]
         floor = max(limits.noise, NOISE * largest(x, n), NOTHING)
         if rho <= system.penalty * system.mean * floor * floor:
             return least
         zw, zz = along_direction(unit, system, work)
         if not zw > ROUNDING * zz:
             return least
-        sigma = np.sqrt(zw / (system.penalty * max(zz - zw, EPS * zz)))
-        beta = rho / zw
-        if sigma < limits.faintest or beta * largest(delta, n) > limits.furthest * sigma:
+        part = zw / before
+        for r in range(m):
+            bound = r < limits.unbound or r2[r] != 0.0
+            image[r] = w[r] + part * image[r] if bound else 0.0
+            combined[r] = z[r] + part * combined[r]
+            square += rows.alpha[r] * image[r] * image[r]
+        for i in range(n):
+            towards[i] = delta[i] + part * towards[i]
+        beta, eigenvalue = zw / square, square / zw
+        sigma = np.sqrt(eigenvalue / (system.penalty * max(1.0 - eigenvalue, EPS)))
+        if sigma < limits.faintest or beta * largest(towards, n) > limits.furthest * sigma:
             return least
         least = min(least, sigma)
-        step, size = _step(beta, delta, x, n)
-        after = 0.0
+        step, size = _step(beta, towards, x, n)
         for r in range(m):
-            y[r] += beta * (rows.alpha[r] * w[r] - z[r])
-            r2[r] -= beta * w[r]
-            after += rows.alpha[r] * r2[r] * r2[r]
+            y[r] += beta * (rows.alpha[r] * image[r] - combined[r])
+            r2[r] -= beta * image[r]
         if step <= tolerance * size:
             return least
-        for r in range(m):
-            z[r] = rows.alpha[r] * r2[r] + after / rho * z[r]
-        rho = after
+        before = zw
     return 0.0
+
+
+@inner
+def search_of(search: Floats, n: np.uint64, m: np.uint64) -> tuple[Floats, Floats, Floats]:
+    """Of the directions of conjugate residuals the step (n), its image (m) and its combination of
+    rows (m), all zero."""
+    zero(search)
+    return section(search, ZERO, n), section(search, n, m), section(search, n + m, m)
 
 
 @expanded
@@ -232,13 +251,19 @@ def solved(problem: Problem, f: Floats, x: Floats, exactly: bool) -> tuple[int, 
 def _finished(problem: Problem, f: Floats, x: Floats, slowest: float) -> float:
     """Finish a slow solve; returns about the least singular value σ."""
     unit, system, work = problem.unit, problem.system, problem.work
-    sigma = np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty)
-    sigma = min(sigma, finish(unit, system, work, x, SOLVED, EVERY_MODE))
+    least = finish(unit, system, work, x, SOLVED, EVERY_MODE)
+    left = 0.0
+    for r in range(work.r2.size):
+        left = max(left, abs(system.rows.scale[r] * work.r2[r]))
     for _ in range(_REFINEMENTS):
         # rounding comes with the factor 1 / s²: a round on both residuals takes it away
         augmented(unit, system, work, f, x, Until(np.int64(1), 0.0, 1.0))
         finish(unit, system, work, x, SOLVED, EVERY_MODE)
-    return sigma
+    if system.rank < system.rows.alpha.size and least > 0.0:
+        size = max(largest(x, work.p.size), largest(f, work.p.size) / system.mean)
+        if left <= NOISE * size * turned(system, work) / min(1.0, least):
+            return least  # rows that depend on others contradict each other by rounding
+    return min(least, np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty))
 
 
 @inner

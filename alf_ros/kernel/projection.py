@@ -66,6 +66,12 @@ def _widest(rows: Rows, phi: Floats) -> float:
 
 
 @inner
+def with_values(rows: Rows) -> float:
+    """How many rows have a Φ; rows of velocities follow, of which some have an integral."""
+    return float(rows.i.size + rows.c.size)
+
+
+@inner
 def correct(unit: Unit, system: System, work: Work) -> None:
     """q -= A⁻¹ Φ_qᵀ α Φ, Φ in r2, with the Jacobian and the factor of one and the same place.
 
@@ -89,7 +95,7 @@ def correct_exactly(unit: Unit, system: System, work: Work, gap: float, furthest
     Such modes are left out, and so are modes that ask for more than `furthest` (m) times their σ.
     """
     faintest = FAINT * gap / system.size
-    limits = ModeLimits(ROUNDED * EPS * system.size, faintest, furthest)
+    limits = ModeLimits(ROUNDED * EPS * system.size, faintest, furthest, with_values(system.rows))
     _correct_modes(unit, system, work, limits)
 
 
@@ -98,7 +104,8 @@ def correct_at_last(unit: Unit, system: System, work: Work) -> None:
     """The last correction, of rounding errors, with Φ to twice the digits, in modes that differ
     from dependent rows."""
     faintest = _DISTINCT * system.close * system.ordinary
-    _correct_modes(unit, system, work, ModeLimits(0.0, faintest, np.inf))
+    limits = ModeLimits(0.0, faintest, np.inf, with_values(system.rows))
+    _correct_modes(unit, system, work, limits)
 
 
 @inner

@@ -441,6 +441,7 @@ def _workspaces(
         'begun': turning,
         'measured': 2 * turning,
         'sums': sums,
+        'search': n + 2 * m,
     }
     for names, size in ((_OF_BLOCKS, whole), (_OF_MOVABLE, n), (_OF_ROWS, m)):
         sizes |= dict.fromkeys(names, size)

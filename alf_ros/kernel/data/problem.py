@@ -53,11 +53,12 @@ class Until(NamedTuple):
 
 
 class ModeLimits(NamedTuple):
-    """Which modes conjugate gradients leave out, and when rows count as fulfilled."""
+    """Which modes conjugate residuals leave out, and when rows count as fulfilled."""
 
     noise: float  # by which rows may be off, in the unit of x
     faintest: float  # σ of a mode below which it does not differ from rounding
     furthest: float  # step of x along a mode, at most, over its σ
+    unbound: float  # rows from this one on bind nothing where they are not open at the start
 
 
-EVERY_MODE = ModeLimits(0.0, 0.0, np.inf)
+EVERY_MODE = ModeLimits(0.0, 0.0, np.inf, np.inf)

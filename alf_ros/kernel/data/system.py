@@ -155,5 +155,5 @@ class System(Struct):
     ordinary: float  # least singular value σ at ordinary positions
     rank: float  # of Φ_q there
     close: float  # σ over that, below which rounding would be felt
-    # ratio of two rounds from which on a stage is placed wholly, and conjugate gradients take over
+    # ratio of two rounds from which on a stage is placed wholly, and conjugate residuals take over
     patience: float

@@ -7,14 +7,29 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.augmented_solve import DIRECTIONS, NOISE, ROUNDING, along_direction
+from alf_ros.kernel.augmented_solve import (
+    DIRECTIONS,
+    NOISE,
+    ROUNDING,
+    along_direction,
+    search_of,
+)
 from alf_ros.kernel.data import EPS, NOTHING, ModeLimits, System, Work
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
-from alf_ros.kernel.projection import CLOSED, FAINT, FAR, FURTHEST, ROUNDED, correct, opening
+from alf_ros.kernel.projection import (
+    CLOSED,
+    FAINT,
+    FAR,
+    FURTHEST,
+    ROUNDED,
+    correct,
+    opening,
+    with_values,
+)
 
 Lanes = Any
 Mask = Any
@@ -60,7 +75,9 @@ def project_lanes(unit: Unit, system: System, work: Work, good: Mask) -> Mask:
         lost = going & unless(are_factored(unit, work))
         good, going = good & unless(lost), going & unless(lost)
         before = gap
-        limits = ModeLimits(ROUNDED * EPS * size, FAINT * gap / size, FURTHEST * size)
+        limits = ModeLimits(
+            ROUNDED * EPS * size, FAINT * gap / size, FURTHEST * size, with_values(system.rows)
+        )
         _correct_exactly(unit, system, work, limits, going)
     return good & unless(going)
 
@@ -93,33 +110,39 @@ def _finish(
 ) -> None:
     """`augmented_solve.finish`, of x alone, to 1e-3."""
     rows, delta, r2, z, w = system.rows, work.delta, work.r2, work.z, work.w
-    n, m = work.p.size, r2.size
-    rho = 0.0
-    for r in range(m):
-        z[r] = rows.alpha[r] * r2[r]
-        rho += r2[r] * z[r]
+    n, m = np.uint64(work.p.size), np.uint64(r2.size)
+    towards, image, _ = search_of(work.search, n, m)
+    before = pick(going, np.inf, np.inf)
     for _ in range(DIRECTIONS):
+        rho, square = 0.0, 0.0
+        for r in range(m):
+            z[r] = rows.alpha[r] * r2[r]
+            rho += r2[r] * z[r]
         floor = max(max(limits.noise, NOISE * largest(x, n)), NOTHING)
         going = going & unless(rho <= system.penalty * system.mean * floor * floor)
         if nowhere(going):
             return
         zw, zz = along_direction(unit, system, work)
         going = going & (zw > ROUNDING * zz)
-        sigma = np.sqrt(zw / (system.penalty * max(zz - zw, EPS * zz)))
-        beta = rho / zw
+        part = zw / before
+        for r in range(m):
+            image[r] = w[r] + part * image[r]
+            if r >= limits.unbound:
+                image[r] = pick(r2[r] == 0.0, 0.0 * image[r], image[r])
+            square += rows.alpha[r] * image[r] * image[r]
+        for i in range(n):
+            towards[i] = delta[i] + part * towards[i]
+        beta, eigenvalue = zw / square, square / zw
+        sigma = np.sqrt(eigenvalue / (system.penalty * max(1.0 - eigenvalue, EPS)))
         going = going & unless(sigma < limits.faintest)
-        going = going & unless(beta * largest(delta, n) > limits.furthest * sigma)
+        going = going & unless(beta * largest(towards, n) > limits.furthest * sigma)
         if nowhere(going):
             return
         step, size = 0.0, 0.0
         for i in range(n):
-            x[i] = pick(going, x[i] + beta * delta[i], x[i])
-            step, size = max(step, abs(delta[i])), max(size, abs(x[i]))
-        after = 0.0
+            x[i] = pick(going, x[i] + beta * towards[i], x[i])
+            step, size = max(step, abs(towards[i])), max(size, abs(x[i]))
         for r in range(m):
-            r2[r] -= beta * w[r]
-            after += rows.alpha[r] * r2[r] * r2[r]
+            r2[r] -= beta * image[r]
         going = going & unless(abs(beta) * step <= 1e-3 * size)
-        for r in range(m):
-            z[r] = rows.alpha[r] * r2[r] + after / rho * z[r]
-        rho = after
+        before = zw
