@@ -37,9 +37,9 @@ from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.scene.text.yaml_document import LARGEST
 from alf_ros.simulation.start import started
 
+_MASSES = 'mass and inertia of links; or --mass KG, for positions and loops alone'
 _LIGHT = 1e-4  # of the mean mass: a direction with less may have too little for a run
 
-_MASSES = 'mass and inertia of links; or --mass KG, for positions and loops alone'
 # the formats that take no plane besides those of the file, with the reason
 WITHOUT_GROUND = {
     'mujoco': 'not for MJCF, which states planes in the file',

@@ -369,9 +369,8 @@ class Robot:
     def error(
         self, key: str, message: str, at: ElementTree.Element | None = None, **details: Any
     ) -> InputError:
-        """Return an InputError with file and key, and with the line of an element of XML;
-        `details` are its other fields."""
-        return InputError(message, **xml_file.place_of(at, self.file), key=key, **details)
+        """`xml_file.refusal` of the file of the robot."""
+        return xml_file.refusal(self.file, key, message, at, **details)
 
 
 def free_name(wanted: str, taken: Container[str]) -> str:

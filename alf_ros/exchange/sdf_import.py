@@ -25,11 +25,11 @@ from alf_ros.exchange import (
 )
 from alf_ros.exchange.robot import GROUND, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, pose_of
+from alf_ros.exchange.sdf_inertial import inertial_of, states_mass
 from alf_ros.exchange.sdf_joints import SdfJoints
 from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers, says
 
 _GRAVITY = '0 0 -9.8'
-_MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 _DEEPEST = 40  # models in models
 _STILL = ': every link is fixed to the world, or its model is static'
 
@@ -70,8 +70,8 @@ class _Reader:
         self.joints: list[tuple[str, ElementTree.Element]] = []
         self.visuals: list[tuple[str, str, ElementTree.Element]] = []  # scope, link
         if not models:
-            held = '<model> or <world>' if world is None else '<model> or <include> in the <world>'
-            raise self.error('model', 'there is none', top, expected=held)
+            place = 'or <world>' if world is None else 'or <include> in the <world>'
+            raise self.error('model', 'there is none', top, expected=f'<model> {place}')
         for other in root.findall('world')[1:]:
             self.robot.leave('elements', f'world {other.get("name", "")}')
         only = models[0].findtext('name') or models[0].get('name') if len(models) == 1 else None
@@ -299,15 +299,9 @@ class _Reader:
         pose = None if inertial is None else inertial.find('pose')
         if pose is not None and pose.get('relative_to'):  # it is relative to the link
             self.robot.leave('unknown attributes', f'pose relative_to in inertial of {name}')
-        origin = pose_of(pose, self.error, name)
-        inertia = None if inertial is None else inertial.find('inertia')
-        mass = number(inertial, 'mass', 1.0, self.error, name)
-        ixx, ixy, ixz, iyy, iyz, izz = (
-            number(inertia, key, float(key[1] == key[2]), self.error, name) for key in _MOMENTS
-        )
-        J = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-        turned = origin.turn @ J @ origin.turn.T
-        return RobotPart(name, np.zeros(3), mass, origin.origin, turned, inertial)
+        mass, frame, J = inertial_of(inertial, self.error, name)
+        turned = frame.turn @ J @ frame.turn.T
+        return RobotPart(name, np.zeros(3), mass, frame.origin, turned, inertial)
 
     @property
     def error(self) -> Any:
@@ -344,8 +338,7 @@ class _Reader:
         roots = {name: GROUND if root(name) == WORLD else root(name) for name in links}
         part_of = self.robot.add_links(links, roots) | {WORLD: GROUND}
         for name, part in self.links.items():
-            stated = part.at is not None and (part.at.findtext('mass') or '').strip()
-            if not stated and roots[name] != GROUND:
+            if not states_mass(part.at) and roots[name] != GROUND:
                 self.robot.leave('mass: default of SDF', self._short(name))
         self.robot.lift(links, part_of, self.weightless)
         for scope, link, visual in self.visuals:

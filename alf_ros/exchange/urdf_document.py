@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -48,7 +49,8 @@ def read(
     xml = xml_file.root_of(path, arguments)
     if xml.tag != 'robot':
         raise InputError('not a URDF', file=str(path), value=xml.tag, expected='<robot>')
-    absent = [('mass: default of SDF', name) for name in _with_links_of_gazebo(xml, path)]
+    added = urdf_gazebo_links.added(xml, partial(xml_file.refusal, str(path)))
+    absent = [('mass: default of SDF', name) for name in added]
     urdf_joint_types.rename(xml)
     kinds = urdf_joint_types.stated(xml)
     for joint in xml.findall('joint'):
@@ -96,15 +98,6 @@ def read(
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
     return UrdfDocument(xml, robot, kinds, rows, threads, damping, tuple(absent))
-
-
-def _with_links_of_gazebo(xml: ElementTree.Element, path: Path) -> list[str]:
-    def refuse(
-        key: str, message: str, at: ElementTree.Element | None = None, **details: Any
-    ) -> InputError:
-        return InputError(message, **xml_file.place_of(at, str(path)), key=key, **details)
-
-    return urdf_gazebo_links.added(xml, refuse)
 
 
 def _loses(joint: ElementTree.Element, kind: str) -> bool:

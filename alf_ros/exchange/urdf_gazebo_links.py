@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
+import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.exchange.robot import FramePose, free_name
 from alf_ros.exchange.sdf_frames import pose_of
-from alf_ros.exchange.sdf_values import Refuse, name_of, number
+from alf_ros.exchange.sdf_inertial import MOMENTS, inertial_of, states_mass
+from alf_ros.exchange.sdf_values import Refuse, name_of
 from alf_ros.exchange.xml_file import PlacedElement
 
-_MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 _READ = ('pose', 'inertial')
 
 
@@ -31,11 +32,8 @@ def added(xml: ElementTree.Element, refuse: Refuse) -> list[str]:
     ]
     if not found:
         return []
-    below = {child.get('link') for child in xml.iterfind('joint/child')}
-    names = [link.get('name', '') for link in xml.findall('link')]
-    root = next((name for name in names if name not in below), '')
+    root, default = _root_of(xml), list[str]()
     joints = [joint.get('name', '') for joint in xml.findall('joint')]
-    default = []
     for extension, link in found:
         extension.remove(link)
         name = name_of(link, refuse)
@@ -44,18 +42,31 @@ def added(xml: ElementTree.Element, refuse: Refuse) -> list[str]:
             to = pose.get('relative_to')
             raise refuse(name, 'no frame for relative_to here', pose, value=to, expected='none')
         inertial = link.find('inertial')
-        if inertial is None or inertial.find('mass') is None:
+        if not states_mass(inertial):
             default.append(name)
         own = _below(xml, 'link', link, name=name)
         own.append(_inertial(own, inertial, refuse, name))
-        joints.append(free_name(f'{name}_free', joints))
-        joint = _below(xml, 'joint', link, name=joints[-1], type='floating')
-        _below(joint, 'parent', link, link=root)
-        _below(joint, 'child', link, link=name)
-        joint.append(_origin(link, pose_of(pose, refuse, name)))
+        if root is None:  # it is the first link of the robot
+            root = name
+        else:
+            joints.append(free_name(f'{name}_free', joints))
+            joint = _below(xml, 'joint', link, name=joints[-1], type='floating')
+            _below(joint, 'parent', link, link=root)
+            _below(joint, 'child', link, link=name)
+            joint.append(_origin(link, pose_of(pose, refuse, name)))
         about = _below(xml, 'gazebo', link, reference=name)
         about.extend(each for each in link if each.tag not in _READ)
     return default
+
+
+def _root_of(xml: ElementTree.Element) -> str | None:
+    """The link that hangs from no other one, `world` also where the file does not have it."""
+    parents, children = (
+        [each.get('link', '') for each in xml.iterfind(f'joint/{side}')]
+        for side in ('parent', 'child')
+    )
+    links = [*(link.get('name', '') for link in xml.findall('link')), *parents]
+    return next((name for name in links if name not in children), None)
 
 
 def _inertial(
@@ -63,14 +74,12 @@ def _inertial(
 ) -> ElementTree.Element:
     """The `<inertial>` of a URDF for one of SDF, or for none."""
     at = link if given is None else given
+    mass, frame, J = inertial_of(given, refuse, name)
     made = _made('inertial', at)
-    pose, inertia = (None if given is None else given.find(tag) for tag in ('pose', 'inertia'))
-    made.append(_origin(at, pose_of(pose, refuse, name)))
-    _below(made, 'mass', at, value=repr(number(given, 'mass', 1.0, refuse, name)))
-    moments = {
-        key: repr(number(inertia, key, float(key[1] == key[2]), refuse, name)) for key in _MOMENTS
-    }
-    _below(made, 'inertia', at, **moments)
+    made.append(_origin(at, frame))
+    _below(made, 'mass', at, value=repr(mass))
+    upper = J[np.triu_indices(3)].tolist()
+    _below(made, 'inertia', at, **dict(zip(MOMENTS, map(repr, upper), strict=True)))
     return made
 
 

@@ -161,6 +161,13 @@ def place_of(element: ElementTree.Element | None, file: str) -> dict[str, Any]:
     return {'file': element.file, 'line': element.line}
 
 
+def refusal(
+    file: str, key: str, message: str, at: ElementTree.Element | None = None, **details: Any
+) -> InputError:
+    """An InputError about an element of a file, with its line; `details` are its other fields."""
+    return InputError(message, **place_of(at, file), key=key, **details)
+
+
 def told(element: ElementTree.Element) -> str:
     """An element on one line: `line 6: cylinder radius -1 length 1`."""
     words = [element.tag, *(f'{key} {value}' for key, value in element.attrib.items())]

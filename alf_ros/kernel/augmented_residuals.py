@@ -64,7 +64,7 @@ def _add_others(unit: Unit, system: System, work: Work, x: Floats) -> None:
 @inner
 def update_rows(unit: Unit, rows: Rows, work: Work) -> float:
     """y += α (Φ_q δ - r2), r2 -= Φ_q δ; returns the largest of r2, rows scaled to lengths."""
-    m1, widest = rows.i.size, 0.0
+    m1, gap = rows.i.size, 0.0
     delta, g, gf, y, r2 = work.delta, work.g, work.gf, work.y, work.r2
     for r in each(0, m1):
         v = block(unit, delta, rows.i[r])
@@ -72,7 +72,7 @@ def update_rows(unit: Unit, rows: Rows, work: Work) -> float:
             v = v - block(unit, delta, rows.j[r])
         y[r] += rows.alpha[r] * (dot(block(unit, gf, r), v) - r2[r])
         r2[r] -= dot(block(unit, g, r), v)
-        widest = max(widest, abs(rows.scale[r] * r2[r]))
+        gap = max(gap, abs(rows.scale[r] * r2[r]))
     for r in each(0, rows.movable.size):
         sf, s = -r2[m1 + r], r2[m1 + r]
         for e in each(rows.first[r], rows.movable[r]):
@@ -81,8 +81,17 @@ def update_rows(unit: Unit, rows: Rows, work: Work) -> float:
             s -= dot(block(unit, work.g2, e), v)
         y[m1 + r] += rows.alpha[m1 + r] * sf
         r2[m1 + r] = s
-        widest = max(widest, abs(rows.scale[m1 + r] * s))
-    return widest
+        gap = max(gap, abs(rows.scale[m1 + r] * s))
+    return gap
+
+
+@inner
+def widest(rows: Rows, phi: Floats) -> float:
+    """How far the widest row of Φ is open, m."""
+    gap = 0.0
+    for r in range(phi.size):
+        gap = max(gap, abs(phi[r]) * rows.scale[r])
+    return gap
 
 
 @inner

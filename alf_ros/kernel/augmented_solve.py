@@ -11,6 +11,7 @@ from alf_ros.kernel.augmented_residuals import (
     begin_velocities,
     residuals,
     update_rows,
+    widest,
 )
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
 from alf_ros.kernel.data import (
@@ -94,7 +95,9 @@ def iterate(
         elif count > 1:
             ratio = min(1.0, left / before)
             if ratio <= until.patience or count != 2 or iterations == 2:
-                if ratio > until.patience and left <= fine * size * turned(system, work):
+                if ratio > until.patience and left <= fine * size * turned(
+                    system, work, system.ordinary
+                ):
                     return count, slowest
                 slowest = max(slowest, ratio)
             if slowest > until.patience:
@@ -104,19 +107,23 @@ def iterate(
 
 
 @inner
-def turned(system: System, work: Work) -> float:
+def turned(system: System, work: Work, sigma: float) -> float:
     """How far rounding turns the shortest row, in parts of ε, and at least 1.
 
     q is rounded by a part ε of its distance from the origin, so a row of length l by ε |q| / l.
     Rows that depend on others contradict each other by that, and by more: q is closed to rounding
-    of Φ, so in the softest direction only to 1 / σ of it. No round changes it, and it is no slow
-    mode.
+    of Φ, so in the softest direction, of `sigma`, only to 1 / σ of it. No round changes it, and it
+    is no slow mode.
     """
     scale = system.rows.scale
     found = max(1.0, largest(work.q, work.q.size) * largest(scale, scale.size))
-    if system.rank < system.rows.alpha.size:
-        found /= min(1.0, system.ordinary)
-    return found
+    return found / min(1.0, sigma) if has_dependent(system) else found
+
+
+@inner
+def has_dependent(system: System) -> bool:
+    """Whether rows depend on others at ordinary positions."""
+    return system.rank < system.rows.alpha.size
 
 
 @inner
@@ -252,17 +259,15 @@ def _finished(problem: Problem, f: Floats, x: Floats, slowest: float) -> float:
     """Finish a slow solve; returns about the least singular value σ."""
     unit, system, work = problem.unit, problem.system, problem.work
     least = finish(unit, system, work, x, SOLVED, EVERY_MODE)
-    left = 0.0
-    for r in range(work.r2.size):
-        left = max(left, abs(system.rows.scale[r] * work.r2[r]))
+    left = widest(system.rows, work.r2)
     for _ in range(_REFINEMENTS):
         # rounding comes with the factor 1 / s²: a round on both residuals takes it away
         augmented(unit, system, work, f, x, Until(np.int64(1), 0.0, 1.0))
         finish(unit, system, work, x, SOLVED, EVERY_MODE)
-    if system.rank < system.rows.alpha.size and least > 0.0:
+    if has_dependent(system) and least > 0.0:
         size = max(largest(x, work.p.size), largest(f, work.p.size) / system.mean)
-        if left <= NOISE * size * turned(system, work) / min(1.0, least):
-            return least  # rows that depend on others contradict each other by rounding
+        if left <= NOISE * size * turned(system, work, min(system.ordinary, least)):
+            return least  # what they contradict the others by is rounding
     return min(least, np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty))
 
 

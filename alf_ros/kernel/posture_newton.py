@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers, Unit
-from alf_ros.kernel.augmented_solve import DIRECTIONS, ROUNDING, along_direction
+from alf_ros.kernel.augmented_solve import finish
 from alf_ros.kernel.constraints import add_transposed, violation
-from alf_ros.kernel.data import EPS, System, Work
+from alf_ros.kernel.data import EPS, EVERY_MODE, System, Work
 from alf_ros.kernel.data.closing import CORRECTIONS, FACTORED, Closing
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.ldl import linearise
@@ -52,9 +52,13 @@ def put_values(closing: Closing, values: Floats) -> None:
 @inner
 def _correct(unit: Unit, system: System, work: Work, exactly: bool, x: Floats) -> None:
     """x = -A⁻¹ Φ_qᵀ α Φ with Φ in r2; `exactly`: as Newton's method has it, also in modes that are
-    so soft that A holds them back."""
+    so soft that A holds them back. Rows that depend on others contradict each other by the square
+    of the last correction, which `finish` leaves alone."""
     if exactly:
-        _correct_every_mode(unit, system, work, x)
+        zero(x)
+        for r in range(work.r2.size):
+            work.r2[r], work.y[r] = -work.r2[r], 0.0
+        finish(unit, system, work, x, _EXACT, EVERY_MODE)
         return
     for r in range(work.r2.size):
         work.r2[r] *= -system.rows.alpha[r]
@@ -63,42 +67,6 @@ def _correct(unit: Unit, system: System, work: Work, exactly: bool, x: Floats) -
     solve(unit, system.pattern, work.diagonal, work.off, work.delta)
     for a in range(work.p.size):
         x[a] = work.delta[a]
-
-
-@inner
-def _correct_every_mode(unit: Unit, system: System, work: Work, x: Floats) -> None:
-    """Solve Φ_q x = -Φ by conjugate residuals with K = Φ_q A⁻¹ Φ_qᵀ α; Φ in r2.
-
-    Rows that depend on others contradict each other by the square of the last correction. K maps
-    that part of r2 to zero, so these steps, which make r2 as small as it can be, are right in all
-    modes. Steps of conjugate gradients would be too long.
-    """
-    rows, r2, z, w, towards = system.rows, work.r2, work.z, work.w, work.qdd
-    zero(x)
-    zero(towards)
-    for r in range(r2.size):
-        r2[r], work.y[r] = -r2[r], 0.0
-    before = np.inf
-    for _ in range(DIRECTIONS):
-        for r in range(r2.size):
-            z[r] = rows.alpha[r] * r2[r]
-        zw, zz = along_direction(unit, system, work)
-        if not zw > ROUNDING * zz:
-            return
-        square = 0.0
-        for r in range(r2.size):
-            work.y[r] = w[r] + zw / before * work.y[r]
-            square += rows.alpha[r] * work.y[r] * work.y[r]
-        step, size = 0.0, 0.0
-        for a in range(work.p.size):
-            towards[a] = work.delta[a] + zw / before * towards[a]
-            x[a] += zw / square * towards[a]
-            step, size = max(step, abs(towards[a])), max(size, abs(x[a]))
-        if zw / square * step <= _EXACT * size:
-            return
-        for r in range(r2.size):
-            r2[r] -= zw / square * work.y[r]
-        before = zw
 
 
 @inner

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.augmented_residuals import widest
 from alf_ros.kernel.augmented_solve import finish
 from alf_ros.kernel.compensated import violation_twofold
 from alf_ros.kernel.constraints import add_transposed, forms, times_jacobian, violation
@@ -30,7 +31,7 @@ FAR = 100.0  # sizes from the origin: products of places in Φ lose digits that 
 def opening_without_slips(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
     """Φ(q), 0 of rows of velocities, and how far the widest row is open, m."""
     violation(unit, rows, q, phi)
-    return _widest(rows, phi)
+    return widest(rows, phi)
 
 
 @inner
@@ -44,7 +45,7 @@ def opening(unit: Unit, system: System, work: Work) -> float:
 def opening_twofold(unit: Unit, system: System, work: Work) -> float:
     """`opening`, with Φ to twice the digits of q; a slip to its own."""
     violation_twofold(unit, system.rows, work.q, work.r2)
-    gap = _widest(system.rows, work.r2)
+    gap = widest(system.rows, work.r2)
     return max(gap, add_slips(unit, system, work, work.q, work.r2))
 
 
@@ -54,15 +55,6 @@ def _opening(unit: Unit, system: System, work: Work, twofold: bool) -> float:
     if not twofold:
         return opening(unit, system, work)
     return opening_twofold(unit, system, work)
-
-
-@inner
-def _widest(rows: Rows, phi: Floats) -> float:
-    """How far the widest row of Φ is open, m."""
-    gap = 0.0
-    for r in range(phi.size):
-        gap = max(gap, abs(phi[r]) * rows.scale[r])
-    return gap
 
 
 @inner

@@ -98,7 +98,8 @@ def solved_together(
             ratio = min(1.0, left / pick(slow, before, 1.0))
             if count == 2 and iterations != 2:
                 slow = slow & (ratio <= system.patience)
-            rounded = (ratio > system.patience) & (left <= fine * usual * turned(system, at.work))
+            bound = fine * usual * turned(system, at.work, system.ordinary)
+            rounded = (ratio > system.patience) & (left <= bound)
             ended = ended | (slow & rounded)
             slow = slow & unless(rounded)
             slowest = pick(slow, max(slowest, ratio), slowest)

@@ -11,6 +11,7 @@ import pytest
 from alf_ros import AssemblyError, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.inspection.soundness import BAD, NOTE, examine
+from support.hinge_loop import hinge_loop
 from support.thorough import combined
 
 STEPS = {'rk4': 1e-3, 'dop853': 5e-3, 'dop853_adaptive': 1e-2, 'esdirk43': 5e-3}
@@ -60,37 +61,8 @@ def bricard(digits: int) -> dict[str, Any]:
     )
     places = np.array([[0, 0, 0], [1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]])
     axes = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 0]])
-    at, along = (np.round(each @ turn.T, digits).tolist() for each in (places, axes))
-    ground = [{'fixed': True} if k in (0, 5) else {} for k in range(6)]
-    joints = {
-        f'j{k}': {
-            'type': 'revolute',
-            'between': [f'rod{k - 1}' if k else 'ground', f'rod{k}'],
-            'at': f'P{k}',
-            'axis': f'u{k}',
-        }
-        for k in range(5)
-    }
-    joints['j5'] = {'type': 'revolute', 'between': ['ground', 'rod4'], 'at': 'P5', 'axis': 'u5'}
-    return {
-        'mechanism': {
-            'alf': 1,
-            'space': 'spatial',
-            'points': {f'P{k}': {'at': at[k], **ground[k]} for k in range(6)},
-            'vectors': {f'u{k}': {'along': along[k], **ground[k]} for k in range(6)},
-            'bodies': {
-                f'rod{k}': {
-                    'points': [f'P{k}', f'P{k + 1}'],
-                    'vectors': [f'u{k}', f'u{k + 1}'],
-                    'mass': 1.0,
-                    'inertia': 'rod',
-                }
-                for k in range(5)
-            },
-            'joints': joints,
-        },
-        'effects': {'gravity': {'acceleration': (turn @ [0.0, -9.81, 0.0]).tolist()}},
-    }
+    at, along = (np.round(each @ turn.T, digits) for each in (places, axes))
+    return hinge_loop(at, along, down=turn @ [0.0, -9.81, 0.0])
 
 
 def run(scene: dict[str, Any], integrator: str, **options: Any) -> tuple[Simulation, Floats]:

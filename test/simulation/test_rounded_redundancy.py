@@ -13,7 +13,9 @@ import pytest
 from alf_ros import Simulation, load_scene
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
+from support.hinge_loop import about_a_line, hinge_loop
 from support.imported_motions import saved
+from support.thorough import thinned
 
 pytest.importorskip('mujoco')  # reads the leg
 
@@ -81,8 +83,8 @@ def test_falling_leg_with_dependent_rows(tmp_path: Path) -> None:
     assert np.abs(sample.q - reference.q).max() < 1e-5
 
 
-# linkages of Bricard: three hinges, places (m) and axes, and the same turned about the z axis
-HINGES = [
+INERTIA = {'about_com': [0.05, 0.06, 0.07]}
+HINGES = [  # places (m) and axes of three
     (
         [[-0.2, 0.43, -0.44], [-0.83, 0.94, 0.13], [0.29, 0.15, -0.05]],
         [[0.9, -0.29, 0.34], [0.42, -0.23, 0.88], [0.39, 0.83, -0.4]],
@@ -94,42 +96,13 @@ HINGES = [
 ]
 
 
-MASSES = 1.0, 1.3, 1.6, 1.9, 2.2  # kg
-
-
-def six_hinges(
-    places: list[list[float]], axes: list[list[float]], masses: Sequence[float] = MASSES
-) -> dict[str, Any]:
-    half_turn = np.diag([-1.0, -1.0, 1.0])
-    P, U = (np.vstack([x, x @ half_turn]) for x in (np.array(places), np.array(axes)))
-    names = ['ground', *(f'b{k}' for k in range(5)), 'ground']
-    fixed = {0: {'fixed': True}, 5: {'fixed': True}}
-    bodies = {
-        f'b{k}': {
-            'points': [f'A{k}', f'A{k + 1}'],
-            'vectors': [f'u{k}', f'u{k + 1}'],
-            'mass': masses[k],
-            'com': [0.5 * float(np.linalg.norm(P[k + 1] - P[k])), 0, 0],
-            'inertia': {'about_com': [0.05, 0.06, 0.07]},
-        }
-        for k in range(5)
-    }
-    joints = {
-        f'j{k}': {'type': 'revolute', 'between': names[k : k + 2], 'at': f'A{k}', 'axis': f'u{k}'}
-        for k in range(5)
-    }
-    joints['j5'] = {'type': 'revolute', 'between': ['ground', 'b4'], 'at': 'A5', 'axis': 'u5'}
-    return {
-        'mechanism': {
-            'alf': 1,
-            'space': 'spatial',
-            'points': {f'A{k}': {'at': P[k].tolist(), **fixed.get(k, {})} for k in range(6)},
-            'vectors': {f'u{k}': {'along': U[k].tolist(), **fixed.get(k, {})} for k in range(6)},
-            'bodies': bodies,
-            'joints': joints,
-        },
-        'effects': {'gravity': {'acceleration': [0, 0, -9.81]}},
-    }
+def falling(places: Any, axes: Any, masses: Sequence[float]) -> Simulation:
+    """A linkage of Bricard under its weight; its rods have their mass half a length on."""
+    P, U = about_a_line(np.array(places), np.array(axes))
+    scene = hinge_loop(P, U, (0.0, 0.0, -9.81), masses, inertia=INERTIA)
+    for k, body in enumerate(scene['mechanism']['bodies'].values()):
+        body['com'] = [0.5 * float(np.linalg.norm(P[k + 1] - P[k])), 0, 0]
+    return Simulation(load_scene(scene), step=1e-3, integrator='rk4')
 
 
 @pytest.mark.parametrize(('places', 'axes'), HINGES, ids=['one', 'other'])
@@ -138,7 +111,7 @@ def test_six_hinges_on_a_line_of_symmetry_turn_on(
 ) -> None:
     """Fast, and with soft rows: of rows that depend on others rounding leaves more than ε there.
     The run ended in an ordinary position. Opposite hinges of such a linkage turn alike."""
-    simulation = Simulation(load_scene(six_hinges(places, axes)), step=1e-3, integrator='rk4')
+    simulation = falling(places, axes, (1.0, 1.3, 1.6, 1.9, 2.2))
     begun = simulation.sample()
     simulation.step(1500)
     ended = simulation.sample()
@@ -151,18 +124,16 @@ def test_six_hinges_on_a_line_of_symmetry_turn_on(
         assert abs(apart - whole * round(apart / whole)) < 1e-9
 
 
-def test_what_rounding_leaves_of_rows_is_no_direction_to_go_on_in() -> None:
-    """Rows are nearly singular for a second, and five depend on others. Steps of conjugate
-    gradients became as long as rounding makes them: the run ended, or lost all its speed."""
-    random = np.random.default_rng(244)
+@pytest.mark.parametrize('seed', thinned([244, *range(40)], keep=[244]))
+def test_what_rounding_leaves_of_rows_is_no_direction_to_go_on_in(seed: int) -> None:
+    """In the first case rows are nearly singular for a second, and five depend on others. Steps of
+    conjugate gradients became as long as rounding makes them: the run ended, or lost all speed."""
+    random, own = np.random.default_rng(seed), np.random.default_rng(seed)
     places, axes = random.uniform(-1.0, 1.0, (3, 3)), random.standard_normal((3, 3))
-    axes /= np.linalg.norm(axes, axis=1)[:, None]
-    masses = np.random.default_rng(244).uniform(0.5, 2.0, 5).tolist()
-    scene = six_hinges(places.tolist(), axes.tolist(), masses)
-    simulation = Simulation(load_scene(scene), step=1e-3, integrator='rk4')
+    simulation = falling(places, axes, own.uniform(0.5, 2.0, 5).tolist())
     begun = simulation.sample().energy
     simulation.step(1000)
     ended = simulation.sample()
-    assert ended.energy == pytest.approx(begun, abs=1e-8)
+    assert ended.energy == pytest.approx(begun, abs=1e-5)
     assert ended.diagnostics.position_violation < 1e-12
     assert not ended.diagnostics.trouble

@@ -124,3 +124,15 @@ CHAIN = f"""<mujoco model="chain"><compiler angle="radian"/>
    <body name="bob" pos="0 0.3 0">{BALL_JOINT}
     <geom type="ellipsoid" size="0.1 0.05 0.07" pos="0.1 0.1 -0.1"/></body></body></body></body>
 </worldbody></mujoco>"""
+
+# two links and a hinge
+SDF = """<sdf version="1.9"><model name="m">
+<link name="a"><inertial>
+<mass>1</mass></inertial></link>
+<link name="b">
+<pose relative_to="a">1 0 0 0 0 0</pose></link>
+<joint name="q" type="revolute"><parent>a</parent>
+<child>b</child><axis>
+<xyz>0 1 0</xyz>
+<limit><lower>-1</lower></limit></axis></joint>
+</model></sdf>"""

@@ -92,7 +92,7 @@ class Work(Struct):
     y: Floats  # (rows,) σ' or λ
     z: Floats  # (rows,) rows that conjugate residuals combine
     w: Floats  # (rows,) Φ_q A⁻¹ Φ_qᵀ z
-    search: Floats  # (movable D + 2 rows,) direction of conjugate residuals, see there
+    search: Floats  # (movable D + 2 rows,) see `augmented_solve.search_of`
     shift: Floats  # (all blocks D,) of the stage onto Φ = 0
     k: Floats  # (stages, 3, movable D) rates of the stages: ξ̇, ξ̈, and ẇ if there are arcs; of an
     # implicit method q̇ and q̈
