@@ -150,19 +150,10 @@ def _without_rotors(model: Model) -> Model:
 
 
 def _ordinary(at: Linearised) -> Linearised:
-    """The position itself, or one near it where more rows are independent."""
-    random = np.random.default_rng(0)
-    model, best = at.model, at
-    for distance in (0.01, 0.05, 0.05):
-        q = np.array(at.q)
-        q[: model.n] += distance * model.size * random.standard_normal(model.n)
-        try:
-            near = Linearised(model, assembly.close(model, {}, q))
-        except AssemblyError:
-            continue
-        if near.rank > best.rank:
-            best = near
-    return best
+    """The position itself, or an ordinary one near it where more rows are independent."""
+    _, place, _ = ordinary_positions.ordinary(at.model, at.q)
+    near = Linearised(at.model, place)
+    return near if near.rank > at.rank else at
 
 
 # ------------------------------------------------------------------------------------ the answers

@@ -18,6 +18,7 @@ from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.carried_masses import are_small_and_light
 from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.dense_linearisation import Linearised, rank_of
+from alf_ros.model.null_spaces import free_directions
 from alf_ros.model.rank import distance, effective_rank
 
 NEAR_BY = 4  # places that each search for an ordinary position examines
@@ -85,6 +86,9 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
             best, places = rank, [near]
     if best > here:  # a loop of gears may depend on others only where they are in mesh
         best, places = _in_mesh(model, work, q, random) or (best, places)
+    if best > here:  # what is around may be a rigid assembly of a mechanism that moves
+        own = _on_the_way(model, work, q, here, close)
+        best, places = (here, own) if own else (best, places)
     rank = max(best, 0)
     place, sigma = places[0], _softness(model, work, places[0], rank)
     if sigma < SOFT:  # this is beside a singular position, or the mechanism is soft
@@ -120,6 +124,34 @@ def _further(
             continue
         if _rank(model, work, near) == rank:
             found.append(near)
+    return found
+
+
+def _on_the_way(
+    model: Model, work: Work, q: Floats, rank: int, close: Callable[[Floats], Floats]
+) -> list[Floats]:
+    """Positions to which free directions at q lead, if all have the rank of q; else none.
+
+    From a singular position they lead to positions of a higher rank, or nowhere. None for large
+    mechanisms.
+    """
+    if model.n > _MOST or not kernel.linearise(model.unit, model.system, work, q):
+        return []
+    free = free_directions(model, model.system, work)[0][: model.n - rank, : model.n]
+    random, found = np.random.default_rng(2), list[Floats]()
+    for part in (1.0, -1.0, 0.3, -0.3):
+        along = random.standard_normal(len(free)) @ free if len(free) > 1 else free.sum(axis=0)
+        step = np.zeros_like(q)
+        step[: model.n] = part * NEAR * model.size / np.abs(along).max() * along
+        try:
+            near = close(q + step)
+        except AssemblyError:
+            return []
+        if np.linalg.norm(near - q) < 0.5 * np.linalg.norm(step):
+            return []
+        if _rank(model, work, near) != rank:
+            return []
+        found.append(near)
     return found
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from alf_ros import Simulation, load_scene
 from alf_ros.exchange.import_file import imported
+from alf_ros.inspection.soundness import examine
 from alf_ros.scene.scene import scene_from_text
 from support.hinge_loop import about_a_line, hinge_loop
 from support.imported_motions import saved
@@ -137,3 +138,19 @@ def test_what_rounding_leaves_of_rows_is_no_direction_to_go_on_in(seed: int) -> 
     assert ended.energy == pytest.approx(begun, abs=1e-5)
     assert ended.diagnostics.position_violation < 1e-12
     assert not ended.diagnostics.trouble
+
+
+@pytest.mark.parametrize('seed', thinned([224, 64], keep=[224]))
+def test_a_mechanism_is_not_the_rigid_assembly_beside_it(seed: int) -> None:
+    """A step away from the drawing closes in a structure, which hid the mechanism."""
+    random = np.random.default_rng(seed)
+    places, axes = random.uniform(-1.0, 1.0, (3, 3)), random.standard_normal((3, 3))
+    scene = load_scene(hinge_loop(*about_a_line(places, axes), (0.0, 0.0, -9.81)))
+    found = examine(scene)
+    assert found.freedoms == 1
+    simulation = Simulation(scene, step=1e-3, integrator='rk4')
+    begun = simulation.sample()
+    simulation.step(1500)
+    ended = simulation.sample()
+    assert ended.energy == pytest.approx(begun.energy, abs=1e-8)
+    assert begun.diagnostics.redundant == ended.diagnostics.redundant == 1
