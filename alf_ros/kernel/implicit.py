@@ -75,6 +75,7 @@ from alf_ros.kernel.step import (
     restore_grid_point,
     save_grid_point,
     scales_of,
+    still_within,
     store_angles,
 )
 from alf_ros.kernel.step_error import free_part, judge
@@ -96,24 +97,26 @@ _SHORTEST = 1e-9  # part of the step of the grid
 def _solve_stage(
     problem: Problem,
     phase: Phase,
-    t: float,
+    at: tuple[float, float],
     s: np.uint64,
-    gamma: float,
     near: bool,
+    within: bool,
     rate: float,
     scales: Scales,
 ) -> tuple[int, int, float, float]:
     """Solve stage s by Newton's method, from q_b and v_b in `work` and a guess of k in `soft.k`.
 
-    gamma: hγ, s; near: whether the last stage was near a singular position; rate: at which
-    Newton's method converged there. Stores v and k in `work.k`. Returns (result, most
-    iterations, whether the stage is near a singular position, rate).
+    at: when, and hγ, s; near: whether the last stage was near a singular position; within: whether
+    the step begins in one; rate: at which Newton's method converged at the last stage. Stores v
+    and k in `work.k`. Returns (result, most iterations, whether the stage is near a singular
+    position, rate).
     """
+    t, gamma = at
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
     n, k, rates = work.p.size, system.soft.k, work.k
-    at = THREE * s * n
-    change_at = at + n  # where k goes in the end, and until then what a pass changes of it
+    rate_at = THREE * s * n
+    change_at = rate_at + n  # where k goes in the end, and until then what a pass changes of it
     speed, most, before, part = max(largest(phase.qd, n), scales.falling), 1, np.inf, 1.0
     for i in range(n):
         rates[change_at + i] = 0.0
@@ -121,7 +124,7 @@ def _solve_stage(
         for i in range(n):
             work.qd[i] = work.before_qd[i] + gamma * k[i]
             work.q[i] = work.before_q[i] + gamma * work.qd[i]
-            rates[at + i] = work.qd[i]
+            rates[rate_at + i] = work.qd[i]
         prescribe(system, t, work.q, work.qd, work.qdd)
         weigh(unit, system, problem.forces, work, t, gamma)
         zero(work.p)
@@ -130,11 +133,13 @@ def _solve_stage(
         copy(work.q, work.base)
         copy(work.q, work.target)  # a stage of order 2 is not behind the path
         count, x, clear = stage(problem, t, scales, near, True)  # (33), (26) with M̂ for M
+        if within and still_within(system, work, phase, scales):
+            x, clear = min(x, scales.close), False
         near = x < np.inf
         if not clear and count != 0:
             moved = furthest(work.q, work.base, n)
             for i in range(n):
-                work.along[i] = rates[at + i]
+                work.along[i] = rates[rate_at + i]
             count = evaluate_interpolated(problem, phase, t, s, moved, scales)
             if count < 0 and x > DIRECTION_ONLY:
                 count = evaluate_uninterpolated(problem, phase, t, s, scales)
@@ -161,10 +166,10 @@ def _solve_stage(
             for i in range(n):
                 change_of_v = gamma * part * rates[change_at + i]
                 rates[change_at + i] = k[i]
-                rates[at + i] = work.before_qd[i] + gamma * k[i]
+                rates[rate_at + i] = work.before_qd[i] + gamma * k[i]
                 if x < DIRECTION_ONLY:
-                    rates[at + i] = work.qd[i]
-                work.qd[i] = rates[at + i]  # of which the step is made, for the power
+                    rates[rate_at + i] = work.qd[i]
+                work.qd[i] = rates[rate_at + i]  # of which the step is made, for the power
                 work.q[i] += gamma * change_of_v
             if clear:  # else the places of the interpolation were recorded
                 record_power(problem, phase, t, s, 1.0, ALL_FORCES)
@@ -175,9 +180,9 @@ def _solve_stage(
 
 @expanded
 def _step(
-    problem: Problem, phase: Phase, interval: tuple[float, float, float, float], within: bool
+    problem: Problem, phase: Phase, interval: tuple[float, float, float, float], begins: bool
 ) -> tuple[int, int]:
-    """One step from `phase`; `within` as of `advance`, interval and result as of `step.step`."""
+    """One step from `phase`; `begins`: `within` of `advance`; the rest as of `step.step`."""
     t, end, h, there = interval
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
@@ -192,7 +197,7 @@ def _step(
     begin_with_det(work)
     if phase.within[0] != 0.0:  # with M̂ the end of a step cannot tell
         phase.within[0] = 1.0 if rank_lost(unit, system, work) else 0.0
-    sigma = 0.0 if within else least_sigma(phase)
+    sigma = 0.0 if begins else least_sigma(phase)
     most, felt = evaluate_first(problem, phase, t)
     if most < 0:
         return JAMMED, 1
@@ -238,7 +243,9 @@ def _step(
                 v = (q[i] - work.before_q[i]) / gamma
                 system.soft.k[i] = (v - work.before_qd[i]) / gamma
         ts = stage_time(t, end, h, method.c[s])
-        result, count, near, rate = _solve_stage(problem, phase, ts, s, gamma, near, rate, scales)
+        result, count, near, rate = _solve_stage(
+            problem, phase, (ts, gamma), s, near, sigma == 0.0, rate, scales
+        )
         most = max(most, count)
         suspect |= near
         if result != OK:

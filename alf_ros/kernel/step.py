@@ -72,6 +72,10 @@ from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, OK
 from alf_ros.kernel.unwrapping import count_turns, nearby, some_crossed
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
+_KEPT = 0.5  # part of its speed that the end of a step keeps where it is projected
+_ASTRAY = 0.75  # part of its way by which the mean of its velocities may be off
+_UNDETERMINED = 1e-7  # part of the size by which a singular position leaves q open
+
 
 @inner
 def evaluate_first(problem: Problem, phase: Phase, t: float) -> tuple[int, float]:
@@ -149,6 +153,7 @@ def end_step(
         copy(work.base, work.q)
     copy(work.qd, work.along)
     copy(work.q, work.target)
+    added = largest(work.qd, work.p.size)
     most, x, clear = stage(problem, end, scales, True, True)
     if most == 0 or (most < 0 and clear):
         return JAMMED if most < 0 else NOT_CLOSED, 1
@@ -162,7 +167,22 @@ def end_step(
         moved = furthest(work.q, work.base, work.p.size)
         result, most = end_interpolated(problem, phase, end, moved, scales)
     note_det(unit, work)
+    if result == OK and _stands(system, work, phase, added):
+        result = NOT_CLOSED
     return _finite(work, result), most
+
+
+@inner
+def _stands(system: System, work: Work, phase: Phase, added: float) -> bool:
+    """Whether the end of a step beside a singular position has lost its speed, which was `added`
+    up, or its way: where rounding decides about rows they may hold what they should let go."""
+    h, n, off, way = work.interval[2], work.p.size, 0.0, 0.0
+    if largest(work.qd, n) < _KEPT * added:
+        return True
+    for a in range(n):
+        gone, even = work.q[a] - phase.q[a], 0.5 * h * (phase.qd[a] + work.qd[a])
+        off, way = max(off, abs(gone - even)), max(way, abs(gone), abs(even))
+    return off > _ASTRAY * way + _UNDETERMINED * system.size
 
 
 @inner
@@ -210,6 +230,13 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
         copy_first(chart.w, work.p, n)
 
 
+@inner
+def still_within(system: System, work: Work, phase: Phase, scales: Scales) -> bool:
+    """Whether a stage, as added up, is too close to the singular position where its step begins:
+    rounding may hide a row that is lost there, or have lost another one."""
+    return furthest(work.target, phase.q, work.p.size) < system.close * scales.radius
+
+
 @expanded
 def step(
     problem: Problem,
@@ -244,7 +271,7 @@ def step(
         fold_first(unit, system, work, phase)
     begin_interval(problem, t, end, h)
     tell(problem, phase, BEGIN_STEP, int(begun), t, sigma)
-    nearest = np.inf
+    nearest, within = np.inf, sigma == 0.0
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)
@@ -259,6 +286,8 @@ def step(
         else:
             shift_along_path(unit, system.arms, work, h * h * method.lag[s])
             count, x, clear = stage(problem, ts, scales, x < np.inf, True)  # (33), (26)
+            if within and still_within(system, work, phase, scales):
+                x, clear = min(x, scales.close), False
             record_power(problem, phase, ts, s, 1.0, ALL_FORCES)
         nearest = min(nearest, x)
         if not clear and count != 0:

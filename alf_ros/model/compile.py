@@ -16,6 +16,7 @@ from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
 from alf_ros.kernel import (
     Chart,
+    Departures,
     Integrals,
     Prescribed,
     Rows,
@@ -135,6 +136,16 @@ class Model:
         system = changed(self.system, ordinary=sigma, rank=rank, close=close, patience=patience)
         return replace(self, system=system)
 
+    def departing(self, q: Floats, branches: Sequence[Floats]) -> Model:
+        """The same, at rest in a singular position q (blocks D, m) that it may leave on branches,
+        each with directions (dimension, blocks D) orthonormal in the metric of M."""
+        departures = Departures(
+            q=q[: self.n].copy(),
+            branch=np.repeat(np.arange(len(branches)), [len(each) for each in branches]),
+            directions=np.concatenate([each[:, : self.n].ravel() for each in branches]),
+        )
+        return replace(self, system=changed(self.system, departures=departures))
+
     def with_penalty(self, penalty: float) -> Model:
         """The same with another penalty."""
         rows = self.system.rows
@@ -205,6 +216,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         rows=arrays,
         pattern=pattern_of(layout, mass, arrays),
         soft=_not_soft(),
+        departures=_no_departures(),
         prescribed=prescribed(layout),
         arms=arms_of(layout),
         angles=angles,
@@ -281,6 +293,11 @@ def length_rows(layout: Layout) -> list[Row]:
     """The rows of the joint coordinates that are lengths."""
     each = layout.mechanism.coordinates
     return [length_row(one.joint, layout) for one in each if not one.is_angle]
+
+
+@cache
+def _no_departures() -> Departures:
+    return Departures.empty()
 
 
 @cache

@@ -19,6 +19,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.mechanism import Mechanism
+from alf_ros.model import branch_words
 from alf_ros.model.compile import Model
 from alf_ros.model.free_walk import (
     EXACT,
@@ -33,10 +34,12 @@ from alf_ros.model.free_walk import (
 from alf_ros.model.ordinary_positions import ordinary
 from alf_ros.model.shape_fit import fitted
 from alf_ros.model.shape_numbers import changes
+from alf_ros.model.singular_branches import SMOOTH, position
 
 _FEW, _MANY = 8, 48  # places on each way: to see whether rows agree, and to make them agree
 _FITTED = 32  # of them, about
 _ROUNDS = 8  # of Gauss and Newton, at most
+_FLAT = 1e-2  # distance to a singular position below which lengths that should agree seem to be
 
 
 @dataclass(frozen=True)
@@ -88,8 +91,11 @@ def made_consistent(
         places, singular = walk.places(q, _MANY)
     gap = walk.gap(places + singular)
     if gap > LARGEST * model.size:
-        raise _contradiction(walk, places)
-    found = _fitted(walk, places, singular)
+        raise _shaky(model, q, dependent_rows) or _contradiction(walk, places)
+    try:
+        found = _fitted(walk, places, singular)
+    except AssemblyError as contradiction:
+        raise _shaky(model, q, dependent_rows) or contradiction from None
     if found is model.mechanism:
         return (
             None  # hardly above rounding, or in singular positions only, and no better otherwise
@@ -129,6 +135,18 @@ def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechani
     if best > good:
         raise contradiction
     return found
+
+
+def _shaky(model: Model, q: Floats, dependent_rows: int) -> AssemblyError | None:
+    """An error if q (blocks D, m) is infinitesimally mobile, as two bars in line that hang up a
+    pendulum: wherever it swings, as many rows depend on others.
+
+    Where rows depend on others everywhere because lengths agree, no velocity breaks them.
+    """
+    here = replace(position(model, q), x=_FLAT)
+    if here.kind == SMOOTH or len(here.lost) != dependent_rows:
+        return None
+    return AssemblyError(branch_words.shaky(model, here.free), key='initial.positions')
 
 
 def _contradiction(walk: Walk, places: list[Floats]) -> AssemblyError:

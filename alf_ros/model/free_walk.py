@@ -31,6 +31,7 @@ PENALTY = 1e8  # tells σ above 1e-3 from those that a small gap makes
 _CLEAR = 0.1  # distance to a singular position, of the ordinary one, below which nothing counts
 _ASTRAY = 1e-3  # gap, of the size, above which a way has lost the mechanism
 _STEP = 0.1  # of the size, from place to place
+_TURNS = 4  # of a step, at most
 _WAYS = 6  # at most; one freedom has two
 _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
 _LOST = 0.02  # of a mode: from there on a singular position may be near
@@ -84,15 +85,20 @@ class Walk:
             length = float(np.abs(along).max())
             if not length > 0.0:
                 return
-            step = longest
-            for _ in range(4):  # a short crank takes shorter steps
+            step, turns = longest, _TURNS
+            while step > longest / 100.0:  # a short crank takes shorter steps
                 ahead = at.copy()
                 ahead[: model.n] += step / length * along
                 ahead = self.settled(ahead)
                 gone = ahead[: model.n] - at[: model.n]
-                if self.widest(ahead) <= _ASTRAY * model.size and gone @ along > 0.0:
+                if not (self.widest(ahead) <= _ASTRAY * model.size and gone @ along > 0.0):
+                    step *= 0.25
+                    continue
+                reached = float(np.abs(gone).max())
+                if reached > 0.5 * step or not turns:
                     break
-                step *= 0.25
+                # in a singular position what is free leads aside of branches, chords along them
+                along, length, turns = gone, reached, turns - 1
             else:
                 return
             at, direction = ahead, gone

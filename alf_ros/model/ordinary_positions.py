@@ -94,7 +94,8 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     if sigma < SOFT:  # this is beside a singular position, or the mechanism is soft
         others = places[1:]
         values = [_softness(model, work, other, rank) for other in others]
-        if model.mechanism.prescribed or max(values, default=0.0) > RISING * sigma:
+        rising = best > here or max(values, default=0.0) > RISING * sigma
+        if rising or model.mechanism.prescribed:
             more = _further(model, work, q, rank, close)
             others += more
             values += [_softness(model, work, other, rank) for other in more]
@@ -113,18 +114,24 @@ def _further(
     if model.n > _MOST or integrals(model.layout, teeth=True):
         return []
     random, found = np.random.default_rng(1), list[Floats]()
-    for _ in range(NEAR_BY):
+    for turn in range(NEAR_BY + model.layout.dimension):
         near = np.array(q)
         if model.mechanism.prescribed:
             _displace(model, near, _FURTHER * random.standard_normal())
-        near[: model.n] += _FURTHER * model.size * random.standard_normal(model.n)
+        if turn < NEAR_BY:
+            near[: model.n] += _FURTHER * model.size * random.standard_normal(model.n)
+        else:  # all points go the same way
+            near[turn - NEAR_BY : model.n : model.layout.dimension] += _FURTHER * model.size
         try:
             near = close(near)
+            found.append(near)
+            # rows that hold squares let what is off them creep back: the chord goes on
+            chord = near - q
+            chord *= _FURTHER * model.size / max(np.abs(chord).max(), _APART * model.size)
+            found.append(close(q + chord))
         except AssemblyError:
             continue
-        if _rank(model, work, near) == rank:
-            found.append(near)
-    return found
+    return [near for near in found if _rank(model, work, near) == rank]
 
 
 def _on_the_way(

@@ -20,7 +20,7 @@ from alf_ros.model.compile import Model, allocate
 _OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 # of the kernel's work, what samples read: with Φ_q and factor
 _READ = ('q', 'qd', 'qdd', 'y', 'g', 'g2', 'gf', 'g2f', 'diagonal', 'off')
-_SMOOTH = 1e-6  # part of the largest value, by which a place may be off what the others predict
+_SMOOTH = 1e-5  # part of the largest value, by which a place may be off what the others predict
 
 
 @dataclass(frozen=True)

@@ -61,9 +61,10 @@ def started(scene: Scene, solver: Solver) -> Start:
         raise AssemblyError(
             error.message, file=scene.file, key=error.key, expected=error.expected
         ) from None
-    return Start(
-        at.model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment
-    )
+    model = at.model
+    if singular is not None and singular.branches and not (qd.any() or singular.is_driven):
+        model = model.departing(at.q, [branch.directions for branch in singular.branches])
+    return Start(model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment)
 
 
 def assembled(scene: Scene, solver: Solver) -> Assembled:

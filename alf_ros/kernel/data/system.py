@@ -122,6 +122,17 @@ class Soft(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Departures(Struct):
+    """How a mechanism at rest may leave the singular position where it starts; else nothing."""
+
+    constant = common = True
+
+    q: Floats  # (movable D,) that position
+    branch: Integers  # (directions,) the branch that each is of, in ascending order
+    directions: Floats  # (directions, movable D) of a branch orthonormal in the metric of M
+
+
+@dataclass(frozen=True, eq=False)
 class Arms(Struct):
     """Pairs of blocks at a constant distance, such as blocks of one body."""
 
@@ -144,6 +155,7 @@ class System(Struct):
     rows: Rows
     pattern: Pattern
     soft: Soft
+    departures: Departures
     prescribed: Prescribed
     arms: Arms
     angles: Rows  # x, y of each angle whose turns are counted: it is atan2(y, x)
