@@ -137,7 +137,10 @@ class Linearised:
         rolling = self.model.row >= phi.size - self.model.system.rows.velocity
         lost = self._decomposed[0][:, rank:]
         if rolling.any() and lost.size:
-            found[rolling] = -np.linalg.lstsq(lost[rolling].T, lost.T @ phi, rcond=1e-6)[0]
+            W, s, Zt = np.linalg.svd(lost[rolling], full_matrices=False)
+            # combinations have length 1: a part as small as rounding is no part of one
+            of = s > 1e-6
+            found[rolling] = -(W[:, of] / s[of]) @ (Zt[of] @ (lost.T @ phi))
         return found
 
     def closed(self, step: Floats, rank: int) -> Linearised | None:
