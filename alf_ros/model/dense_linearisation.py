@@ -137,10 +137,11 @@ class Linearised:
         rolling = self.model.row >= phi.size - self.model.system.rows.velocity
         lost = self._decomposed[0][:, rank:]
         if rolling.any() and lost.size:
-            W, s, Zt = np.linalg.svd(lost[rolling], full_matrices=False)
             # combinations have length 1: a part as small as rounding is no part of one
-            of = s > 1e-6
-            found[rolling] = -(W[:, of] / s[of]) @ (Zt[of] @ (lost.T @ phi))
+            of, least = lost[rolling].T, 1e-6
+            largest = float(np.linalg.norm(of, 2))
+            if largest > least:
+                found[rolling] = -np.linalg.lstsq(of, lost.T @ phi, rcond=least / largest)[0]
         return found
 
     def closed(self, step: Floats, rank: int) -> Linearised | None:
