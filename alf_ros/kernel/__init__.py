@@ -82,7 +82,7 @@ from alf_ros.kernel.joint_efforts import add_joint_efforts
 from alf_ros.kernel.joint_wrenches import joint_wrenches, place_on_cut
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.open_shares import open_shares
+from alf_ros.kernel.open_shares import OPEN, open_shares
 from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.readout import read_out
 from alf_ros.kernel.singularity_monitor import follow, turning
@@ -95,6 +95,7 @@ from alf_ros.kernel.unwrapping import nearby
 __all__ = [
     'EVERY_MODE',
     'FREE',
+    'OPEN',
     'ORIGIN',
     'SOLVED',
     'Adjoint',

@@ -18,13 +18,17 @@ from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import zero
 from alf_ros.kernel.triangular_solve import solve
 
+OPEN = 1e-6  # part of a component outside of the range, from which on it is not unique …
+OPEN_AT_ONCE = 1e-3  # … and from which on one pass tells
+_PASSES = 8
+
 
 @compiled
 def open_shares(
     unit: Unit, system: System, cut: Cut, there: CutWork, work: Work, shares: Shares
 ) -> None:
-    """Of each component of force and torque on the child the part of w outside of the range, in
-    the norm of α: 0 if it is unique. `work`: q, Φ_q and the factor of A."""
+    """Of each component of force and torque on the child the norm of w, by α, and the part of it
+    outside of the range: 0 if it is unique. `work`: q, Φ_q and the factor of A."""
     for b in each(0, cut.source.size):
         put(there.q, b, block(unit, work.q, cut.source[b]))
     jacobian(unit, cut.rows, there.q, there.g, there.g2)
@@ -37,7 +41,7 @@ def open_shares(
             else:
                 move, spin = packed(unit, 0.0, 0.0, 0.0), _axis(unit, c - D)
             _component(unit, cut, there, n, move, spin, shares.w)
-            shares.part[n * components + c] = _outside(unit, system, work, shares)
+            _split(unit, system, work, shares, n * components + c)
 
 
 @inner
@@ -64,25 +68,49 @@ def _component(
 
 
 @inner
-def _outside(unit: Unit, system: System, work: Work, shares: Shares) -> float:
-    """The part of w outside of the range of Φ_q."""
-    w, back, x = shares.w, shares.back, shares.x
-    alpha, n = system.rows.alpha, work.p.size
-    whole, lost = 0.0, 0.0
-    for r in range(w.size):
-        whole += alpha[r] * w[r] ** 2
-        back[r] = alpha[r] * w[r]
+def _split(unit: Unit, system: System, work: Work, shares: Shares, c: np.uint64) -> None:
+    """The norm of w, of component c, and the part of it outside of the range of Φ_q.
+
+    A pass leaves all of it outside, and 1/(1 + s²) of each mode inside. Passes end where the part
+    is so large, or so small, that no other pass matters, and where it no longer falls.
+    """
+    w = shares.w
+    whole = _norm(system, w)
+    shares.whole[c], shares.part[c] = whole, 0.0
     if not whole > 0.0:
-        return 0.0
+        return
+    part = 1.0
+    for _ in each(0, _PASSES):
+        _project(unit, system, work, shares)
+        before, part = part, _norm(system, w) / whole
+        if part > OPEN_AT_ONCE or part < OPEN or part > 0.5 * before:
+            break
+    shares.part[c] = part
+
+
+@inner
+def _project(unit: Unit, system: System, work: Work, shares: Shares) -> None:
+    """Subtract Φ_q A⁻¹ Φ_qᵀ α w from w."""
+    w, back, x = shares.w, shares.back, shares.x
+    for r in range(w.size):
+        back[r] = system.rows.alpha[r] * w[r]
     zero(x)
     add_transposed(unit, system.rows, work.g, work.g2, back, x)
     solve(unit, system.pattern, work.diagonal, work.off, x)
-    for i in range(n, x.size):
+    for i in range(work.p.size, x.size):
         x[i] = 0.0
     times_jacobian(unit, system.rows, work.g, work.g2, x, back)
     for r in range(w.size):
-        lost += alpha[r] * (w[r] - back[r]) ** 2
-    return np.sqrt(lost / whole)
+        w[r] -= back[r]
+
+
+@inner
+def _norm(system: System, w: Floats) -> float:
+    """By α."""
+    square = 0.0
+    for r in range(w.size):
+        square += system.rows.alpha[r] * w[r] ** 2
+    return np.sqrt(square)
 
 
 @inlined

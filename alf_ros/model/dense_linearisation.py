@@ -137,7 +137,11 @@ class Linearised:
         rolling = self.model.row >= phi.size - self.model.system.rows.velocity
         lost = self._decomposed[0][:, rank:]
         if rolling.any() and lost.size:
-            found[rolling] = -np.linalg.lstsq(lost[rolling].T, lost.T @ phi, rcond=1e-6)[0]
+            # combinations have length 1: a part as small as rounding is no part of one
+            of, least = lost[rolling].T, 1e-6
+            largest = float(np.linalg.norm(of, 2))
+            if largest > least:
+                found[rolling] = -np.linalg.lstsq(of, lost.T @ phi, rcond=least / largest)[0]
         return found
 
     def closed(self, step: Floats, rank: int) -> Linearised | None:

@@ -27,7 +27,7 @@ from alf_ros.model.constraints.packing import forms_of, indices, rows_of
 from alf_ros.model.constraints.rows import joint_rows
 from alf_ros.model.mass import mass_of
 
-_LOST = 1e-3  # part of a reaction that is left open from which on it is flagged
+_ROUNDED = 1e-9  # of what a joint transmits, up to which a component is only rounding
 
 
 class Reactions:
@@ -142,13 +142,19 @@ class Reactions:
         rows, flags = work.y.size, (len(self._first) - 1, self.components)
         shares = Shares(
             part=np.zeros(math.prod(flags)),
+            whole=np.zeros(math.prod(flags)),
             w=np.zeros(rows),
             back=np.zeros(rows),
             x=np.zeros(work.q.size),
         )
         unit, system = self.model.unit, self.model.system
         kernel.open_shares(unit, system, self.arrays, there, work, shares)
-        return np.asarray(shares.part.reshape(flags) > _LOST)
+        # What a joint does not transmit is zero to rounding, and the part of that is any number.
+        D = self.cut.dimension
+        whole = shares.whole.reshape(flags)
+        whole[:, D:] /= self.model.size  # of a unit couple with forces that far apart
+        felt = whole > _ROUNDED * np.linalg.norm(whole, axis=1, keepdims=True)
+        return np.asarray(felt & (shares.part.reshape(flags) > kernel.OPEN))
 
 
 class ReactionsOf:

@@ -95,6 +95,7 @@ class Shares(Struct):
     """How far each component of the reactions is open (`open_shares`), and memory for that."""
 
     part: Floats  # (joints times D + 1 or 3,)
+    whole: Floats  # (joints times D + 1 or 3,) of which it is a part, in the norm of α
     w: Floats  # (rows,)
     back: Floats  # (rows,)
     x: Floats  # (blocks D,)
