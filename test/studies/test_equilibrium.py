@@ -697,6 +697,21 @@ def test_none_is_said_in_one_line() -> None:
     assert '\n' not in str(error.value) and 'P1' in str(error.value)
 
 
+def test_none_names_the_part_that_falls() -> None:
+    """Forces act on the pendulum too, but balance there."""
+    mechanism = {
+        'alf': 1,
+        'points': {'P': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}, 'F': {'at': [0, 1]}},
+        'bodies': {
+            'bar': {'points': ['P', 'A'], 'mass': 1.0, 'inertia': 'rod'},
+            'free': {'points': ['F'], 'mass': 1.0, 'inertia': 'point'},
+        },
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'P'}},
+    }
+    with pytest.raises(InputError, match=r'9\.81 m/s\^2 are left, at F; '):
+        equilibrium(load_scene({'mechanism': mechanism, 'effects': GRAVITY}))
+
+
 def test_none_under_the_weight_of_slides() -> None:
     """They have no stiffness: all of it is rounding, and so is its skew part."""
     x, y = [0.8, 0.6], [-0.4, 1.1]

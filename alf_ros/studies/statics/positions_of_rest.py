@@ -17,9 +17,9 @@ from alf_ros.effects import contract
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.logs.progress import Report, silent
 from alf_ros.model import assembly, ordinary_positions
-from alf_ros.model.branch_words import moving
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.rotors import without_rotors
+from alf_ros.model.dense_linearisation import moving
 from alf_ros.model.handedness import Handedness
 from alf_ros.model.prescribed import driven_angles, prescribe
 from alf_ros.model.singular_branches import SMOOTH, position
@@ -28,7 +28,16 @@ from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.sample import JointState, Reaction, Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
-from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended, moved
+from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
+from alf_ros.studies.statics.descent import (
+    FAR,
+    LIMIT,
+    STUCK,
+    Landing,
+    descended,
+    moved,
+    pushed,
+)
 from alf_ros.studies.statics.frozen_time import read_at, standing_still
 from alf_ros.studies.statics.instant import DENSE, Chosen, Instant, Loads, angles, counted
 from alf_ros.studies.statics.newton_rest import nearest_rest
@@ -375,10 +384,12 @@ def _held(instant: Instant) -> list[str]:
 def _unrest(simulation: Simulation, landing: Landing) -> str:
     """Why there is no position of rest."""
     model, instant = simulation.model, landing.instant
-    names = ', '.join(moving(model, instant.force(instant.q, instant.qd)[None])[:3])
+    # not what forces act on: they may balance there, beside a part that falls
+    pull, _ = pushed(instant, ConstrainedSolve(model, instant.loads.tangents.cliques))
+    names = ', '.join(moving(model, pull)[:3])
     text = (
         f'no position of rest is found: after {landing.steps} steps {landing.left:.3g} m/s^2 are '
-        f'left, with forces on {names}'
+        f'left, at {names}'
     )
     if model.n <= DENSE and not reduced_stiffness(instant, landing.lam).conservative:
         return text + '; the loads have no potential, and do not settle'
