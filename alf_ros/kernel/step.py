@@ -233,7 +233,7 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
 @inner
 def still_within(system: System, work: Work, phase: Phase, scales: Scales) -> bool:
     """Whether a stage, as added up, is too close to the singular position where its step begins:
-    rounding may hide a row that is lost there, or have lost another one."""
+    rounding may hide a row that has no direction there, or take another one for such a row."""
     return furthest(work.target, phase.q, work.p.size) < system.close * scales.radius
 
 

@@ -19,8 +19,8 @@ from alf_ros.effects.contract.dual_force import dual_force
 from alf_ros.effects.contract.force_branches import force_branches
 from alf_ros.effects.contract.traced_force import traced_force
 from support import complex_step
-from support.effect_examples import CASES, EXAMPLES, simulation
-from support.thorough import LONG
+from support.effect_examples import CASES, EXAMPLES, in_plane_or_space, simulation
+from support.thorough import LONG, thinned
 
 _EXACT = 2e-14  # of the largest force or slope: a hundred roundings
 _DISPLACED = 1e-12  # likewise: a stop that is hardly touched has a depth of few digits
@@ -126,7 +126,7 @@ def test_every_effect_has_examples() -> None:
     assert not missing, f'without an example to differentiate: {", ".join(sorted(missing))}'
 
 
-@pytest.mark.parametrize(('kind', 'which'), CASES)
+@pytest.mark.parametrize(('kind', 'which'), thinned(CASES, in_plane_or_space))
 def test_derivative_of_an_effect(kind: str, which: str) -> None:
     """Of its force, along positions, velocities and its numbers: by dual numbers, as tangents
     have it, and by the trace of the adjoint."""
@@ -223,7 +223,10 @@ def test_a_function_without_derivative_is_refused() -> None:
         dual_force(force)
 
 
-@pytest.mark.parametrize(('kind', 'which'), [case for case in CASES if 'loaded' not in case[1]])
+@pytest.mark.parametrize(
+    ('kind', 'which'),
+    thinned([case for case in CASES if 'loaded' not in case[1]], in_plane_or_space),
+)
 def test_an_effect_without_side_has_no_branches(kind: str, which: str) -> None:
     """By the motion: so nobody needs to look for their kinks (`packed_effects`). An effect with
     branches has a `side`."""

@@ -21,9 +21,9 @@ from alf_ros.kernel.numba_ext.lane_structs import aligned
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.simulation.side_by_side import SideBySide
 from support.documented_effect import FILES
-from support.effect_examples import CASES, LOADED, simulation
+from support.effect_examples import CASES, LOADED, in_plane_or_space, simulation
 from support.side_by_side_members import check, member
-from support.thorough import combined
+from support.thorough import combined, thinned
 
 pytestmark = pytest.mark.skipif(PLAIN, reason='code that is not compiled has no lanes')
 
@@ -42,7 +42,7 @@ def single(
     call(t, *(each.ctypes.data for each in (*arrays, slots, params, Q)))
 
 
-@pytest.mark.parametrize('kind, which', CASES)
+@pytest.mark.parametrize('kind, which', thinned(CASES, in_plane_or_space))
 def test_lanes_have_the_bits_of_single_forces(kind: str, which: str) -> None:
     address = lane_force(effects.load(kind).force._pyfunc, W)
     assert address, f'the force of {kind} does not compile for lanes'

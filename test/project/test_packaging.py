@@ -14,6 +14,7 @@ import pytest
 from alf_ros import resources
 from alf_ros.commands import COMMANDS
 from support.paths import ROOT
+from support.thorough import thinned
 
 VERSION = ElementTree.parse(ROOT / 'package.xml').findtext('version')
 SCENES = {path.name for path in (ROOT / 'config' / 'scenes').glob('*.yaml')}
@@ -81,7 +82,13 @@ def check_pages(package):
         assert (package / page).is_file()
 
 
-@pytest.mark.parametrize('flags', [[], ['--symlink-install']], ids=['copied', 'symlinked'])
+@pytest.mark.parametrize(
+    'flags',
+    thinned(
+        [pytest.param([], id='copied'), pytest.param(['--symlink-install'], id='symlinked')],
+        keep=bool,
+    ),
+)
 def test_colcon(sources, tmp_path, flags):
     run(sys.executable, '-m', 'colcon', 'build', *flags, cwd=tmp_path)
     prefix = tmp_path / 'install' / 'alf_ros'
