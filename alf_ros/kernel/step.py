@@ -73,7 +73,7 @@ from alf_ros.kernel.unwrapping import count_turns, nearby, some_crossed
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 _KEPT = 0.5  # part of its speed that the end of a step keeps where it is projected
-_ASTRAY = 0.75  # part of its way by which the mean of its velocities may be off
+_ASTRAY = 0.75  # part of its way by which that may be more or less than its velocities say
 _UNDETERMINED = 1e-7  # part of the size by which a singular position leaves q open
 
 
@@ -180,8 +180,9 @@ def _stands(system: System, work: Work, phase: Phase, added: float) -> bool:
     if largest(work.qd, n) < _KEPT * added:
         return True
     for a in range(n):
-        gone, even = work.q[a] - phase.q[a], 0.5 * h * (phase.qd[a] + work.qd[a])
-        off, way = max(off, abs(gone - even)), max(way, abs(gone), abs(even))
+        gone, begun, ended = work.q[a] - phase.q[a], h * phase.qd[a], h * work.qd[a]
+        off = max(off, gone - max(begun, ended), min(begun, ended) - gone)
+        way = max(way, abs(gone), abs(begun), abs(ended))
     return off > _ASTRAY * way + _UNDETERMINED * system.size
 
 
