@@ -38,6 +38,7 @@ from alf_ros.kernel.fixed_steps import PIECES
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
+    SLOW,
     evaluate_interpolated,
     evaluate_uninterpolated,
     linearise_aside,
@@ -217,6 +218,7 @@ def _step(
     for i in range(n):
         rates[i] = qd[i]
         rates[n + i] = work.qdd[i]
+    within = sigma == 0.0 and not largest(qd, n) > SLOW * scales.falling
     near, rate, gamma = x < np.inf, 1.0, 0.0
     suspect = near
     for s in range(ONE, stages):
@@ -244,7 +246,7 @@ def _step(
                 system.soft.k[i] = (v - work.before_qd[i]) / gamma
         ts = stage_time(t, end, h, method.c[s])
         result, count, near, rate = _solve_stage(
-            problem, phase, (ts, gamma), s, near, sigma == 0.0, rate, scales
+            problem, phase, (ts, gamma), s, near, within, rate, scales
         )
         most = max(most, count)
         suspect |= near
@@ -261,7 +263,7 @@ def _step(
     work.nearest[0] = 0.0 if suspect else np.inf
     if suspect:
         work.crossing[2] = max(work.crossing[2], h * largest(qd, n))
-    result, count = end_step(problem, phase, there, near, suspect, scales)
+    result, count = end_step(problem, phase, there, h, near, suspect, scales)
     return result, max(most, count)
 
 

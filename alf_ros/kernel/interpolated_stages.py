@@ -52,7 +52,6 @@ _NARROWEST = 0.02  # of the first spacing, above which they are moved closer onc
 SLOW = 1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
 _CLOSED = 1e-10  # part of the size
 _HERE = 1e-5  # part of the size: so near to the start its branches are those of a stage at rest
-_KEPT = 0.5  # part of its speed that a stage keeps where it is placed
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 DRIFT = 1e-13  # part of the size by which lengths may miss the position without energy drifting
 _SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
@@ -218,7 +217,6 @@ def _find(
     fastest = largest(phase.qd, n)
     spacing = max(20.0 * moved, SPACING * system.close * scales.radius)
     moving = fastest > SLOW * scales.falling
-    added = largest(work.along, n)
     known = not moving and _leave(problem)
     if not moving and not known:
         copy(work.pull, work.along)
@@ -235,15 +233,16 @@ def _find(
         if count <= 0:
             return count, False
     count = _interpolate(problem, t, moving, scales, spacing)
-    if count > 0 and not (moving or known):
+    # where there is one branch only, a place beside it is none of another one
+    single = known and system.departures.branch[system.departures.branch.size - 1] == 0
+    if count > 0 and not (moving or single):
         gone = furthest(work.base, phase.q, n) + _SAME * system.size
         if furthest(work.sum_q, work.base, n) > gone:
             prescribe(system, t, work.q, work.qd, work.qdd)
             copy(work.base, work.q)
             copy(work.base, work.target)
             count, _x, _clear = stage(problem, t, scales, True, True)
-            # a row that only rounding has left may take the velocity away
-            return count if largest(work.qd, n) >= _KEPT * added else 0, False
+            return count, False
     speed, found = largest(work.along, n), largest(work.sum_qd, n)
     ask = ending or furthest(work.sum_qd, work.along, n) > _TURNED * speed
     if ask and count > 0 and moving and found > SLOW * scales.falling:

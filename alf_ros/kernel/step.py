@@ -43,6 +43,7 @@ from alf_ros.kernel.data import Method, Phase, Problem, Scales, System, Until, W
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     NEAR,
+    SLOW,
     end_interpolated,
     evaluate_interpolated,
     evaluate_uninterpolated,
@@ -72,7 +73,6 @@ from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, OK
 from alf_ros.kernel.unwrapping import count_turns, nearby, some_crossed
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
-_KEPT = 0.5  # part of its speed that the end of a step keeps where it is projected
 _ASTRAY = 0.75  # part of its way by which that may be more or less than its velocities say
 _UNDETERMINED = 1e-7  # part of the size by which a singular position leaves q open
 
@@ -128,10 +128,16 @@ def scales_of(system: System, work: Work, phase: Phase) -> Scales:
 
 @inner
 def end_step(
-    problem: Problem, phase: Phase, end: float, near: bool, suspect: bool, scales: Scales
+    problem: Problem,
+    phase: Phase,
+    end: float,
+    h: float,
+    near: bool,
+    suspect: bool,
+    scales: Scales,
 ) -> tuple[int, int]:
-    """The end of a step, q and p' in `work`, onto Φ = 0, with Φ_q and factor, and q̇; returns
-    (result, iterations).
+    """The end of a step of h (s), q and p' in `work`, onto Φ = 0, with Φ_q and factor, and q̇;
+    returns (result, iterations).
 
     Where the last stage was beside a singular position (`near`) the end is judged like a stage:
     closer to the position than its error it would come to lie on another branch. In the position
@@ -153,7 +159,6 @@ def end_step(
         copy(work.base, work.q)
     copy(work.qd, work.along)
     copy(work.q, work.target)
-    added = largest(work.qd, work.p.size)
     most, x, clear = stage(problem, end, scales, True, True)
     if most == 0 or (most < 0 and clear):
         return JAMMED if most < 0 else NOT_CLOSED, 1
@@ -167,19 +172,17 @@ def end_step(
         moved = furthest(work.q, work.base, work.p.size)
         result, most = end_interpolated(problem, phase, end, moved, scales)
     note_det(unit, work)
-    if result == OK and _stands(system, work, phase, added):
+    if result == OK and _is_astray(system, work, phase, h):
         result = NOT_CLOSED
     return _finite(work, result), most
 
 
 @inner
-def _stands(system: System, work: Work, phase: Phase, added: float) -> bool:
-    """Whether the end of a step beside a singular position has lost its speed, which was `added`
-    up, or its way: where rounding decides about rows they may hold what they should let go."""
-    h, n, off, way = work.interval[2], work.p.size, 0.0, 0.0
-    if largest(work.qd, n) < _KEPT * added:
-        return True
-    for a in range(n):
+def _is_astray(system: System, work: Work, phase: Phase, h: float) -> bool:
+    """Whether the end of a step of h (s) beside a singular position is not where the velocities at
+    both ends lead: where rounding decides about rows they may hold what they should let go."""
+    off, way = 0.0, 0.0
+    for a in range(work.p.size):
         gone, begun, ended = work.q[a] - phase.q[a], h * phase.qd[a], h * work.qd[a]
         off = max(off, gone - max(begun, ended), min(begun, ended) - gone)
         way = max(way, abs(gone), abs(begun), abs(ended))
@@ -272,7 +275,8 @@ def step(
         fold_first(unit, system, work, phase)
     begin_interval(problem, t, end, h)
     tell(problem, phase, BEGIN_STEP, int(begun), t, sigma)
-    nearest, within = np.inf, sigma == 0.0
+    nearest = np.inf
+    within = sigma == 0.0 and not largest(phase.qd, work.p.size) > SLOW * scales.falling
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)
@@ -312,7 +316,7 @@ def step(
     work.nearest[0] = nearest
     if nearest < NEAR:
         work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))
-    result, count = end_step(problem, phase, there, x < np.inf, nearest < np.inf, scales)
+    result, count = end_step(problem, phase, there, h, x < np.inf, nearest < np.inf, scales)
     return result, max(most, count)
 
 
