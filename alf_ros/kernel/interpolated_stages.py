@@ -237,6 +237,8 @@ def _find(
     single = known and system.departures.branch[system.departures.branch.size - 1] == 0
     if count > 0 and not (moving or single):
         gone = furthest(work.base, phase.q, n) + _SAME * system.size
+        if known:  # places off the branch by e slip along it by e² / x: e is of the third order
+            gone += spacing * (spacing / scales.radius) ** 4
         if furthest(work.sum_q, work.base, n) > gone:
             prescribe(system, t, work.q, work.qd, work.qdd)
             copy(work.base, work.q)

@@ -166,6 +166,8 @@ class Dynamics(Kinematics):
             if not np.isfinite(found).all():  # in a singular position NaN says: indeterminate
                 reason = 'accelerations or reactions exceed the range of numbers'
                 raise StepError(reason, 'take smaller forces', self.t)
+            if self._leaves and self._within:  # on a branch that is not known
+                return np.full_like(found, np.nan)
             return found
         limit, far = self._limits.of(shared), _ROUNDED * self.model.system.ordinary
         if far < self._accelerated[2] < np.inf and not self._lost:  # a pole, beside it
@@ -209,11 +211,16 @@ class Dynamics(Kinematics):
     def _rests(self) -> bool:
         """Whether it is at rest and remains so: rows balance all forces, also in a singular
         position, and λ is a share of least norm."""
+        return not (self._state.qd.any() or self._leaves)
+
+    @property
+    def _leaves(self) -> bool:
+        """Whether it is at rest and forces set it in motion."""
         if self._state.qd.any():
             return False
         work, n = self._accelerated[0], self.model.n
         free = np.abs(work.Q[:n]).max(initial=0.0) / self.model.system.mean
-        return bool(np.abs(work.qdd[:n]).max(initial=0.0) <= _BALANCED * free)
+        return not np.abs(work.qdd[:n]).max(initial=0.0) <= _BALANCED * free
 
     @property
     def _doubtful(self) -> bool:

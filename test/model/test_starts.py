@@ -326,6 +326,14 @@ def test_many_freedoms_gained_at_once() -> None:
     assert not resting.sample().diagnostics.trouble
 
 
+def test_a_sample_at_rest_is_on_the_branch_that_it_leaves_on() -> None:
+    """It was the acceleration without the lost rows, which is on no branch."""
+    flat = {f'B{k}': [k + 1, 0] for k in range(4)}
+    sample = Simulation(parallelogram(flat, 3)).sample()
+    falls = -9.81 * (4 / 2 + 3) / (4 / 3 + 3)  # m/s^2: all cranks as one pendulum
+    assert sample.qdd == pytest.approx([0.0, falls] * 4, abs=1e-8)
+
+
 def test_what_is_not_examined_at_rest_is_said() -> None:
     """More freedoms than null spaces are looked at for."""
     n = singular_branches.WIDE
@@ -333,6 +341,7 @@ def test_what_is_not_examined_at_rest_is_said() -> None:
     simulation = Simulation(parallelogram(flat, n))
     said = simulation.sample().diagnostics.trouble
     assert 'branches are not enumerated' in said and 'give velocities' in said
+    assert np.isnan(simulation.sample().qdd).all()
     assert answers(parallelogram(flat, n))['initial velocities'] == (NOTE, said)
 
 
