@@ -233,13 +233,16 @@ def _find(
         if count <= 0:
             return count, False
     count = _interpolate(problem, t, moving, scales, spacing)
-    # where there is one branch only, a place beside it is none of another one
-    single = known and system.departures.branch[system.departures.branch.size - 1] == 0
-    if count > 0 and not (moving or single):
-        gone = furthest(work.base, phase.q, n) + _SAME * system.size
+    # where there is one branch only, a place beside it is none of another one; and all branches
+    # lead through the start, which wide places miss by the error of their interpolation
+    ways, same = system.departures, _SAME * system.size
+    met = known and (
+        ways.branch[ways.branch.size - 1] == 0 or furthest(work.base, ways.q, n) <= same
+    )
+    if count > 0 and not (moving or met):
         if known:  # places off the branch by e slip along it by e² / x: e is of the third order
-            gone += spacing * (spacing / scales.radius) ** 4
-        if furthest(work.sum_q, work.base, n) > gone:
+            same += spacing * (spacing / scales.radius) ** 4
+        if furthest(work.sum_q, work.base, n) > furthest(work.base, phase.q, n) + same:
             prescribe(system, t, work.q, work.qd, work.qdd)
             copy(work.base, work.q)
             copy(work.base, work.target)

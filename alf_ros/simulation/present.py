@@ -41,7 +41,7 @@ class Present:
         """The present at a state, with steps of h (s)."""
         if state.inputs != applied.inputs:
             applied = applied.holding(state.inputs)
-        within = np.array([math.nan if state.step else 0.0])
+        within = np.array([math.nan])  # the rank is counted before the next step
         state = replace(state, sums=sums_of(model, state))
         phase = _phase(state, accounts, applied.load_count, within)
         # a state may come from a log, which holds what moves freely

@@ -373,13 +373,13 @@ class Stepper:
         return partial(self.missed.resolution, judged, told, longest)
 
     def beside(self, present: Present) -> bool | None:
-        """Whether the last step of the run ended beside a singular position, interpolated; None if
-        it has made none."""
-        return None if present.step == present.since else bool(self.work.aside[0])
+        """Whether the last step of the run ended beside a singular position, interpolated, or at
+        rest in it; None if it has made none."""
+        return None if present.step == present.since else bool(self.work.aside.any())
 
     def beside_aside(self) -> bool:
         """The same of the last step aside."""
-        return self._aside is not None and bool(self._aside.aside[0])
+        return self._aside is not None and bool(self._aside.aside.any())
 
     def begin(self) -> None:
         """The run continues from another state: its steps are judged again."""

@@ -96,6 +96,38 @@ def test_a_sample_at_rest_tells_how_it_leaves(name: str) -> None:
         assert sum(feet) == pytest.approx(lifted, abs=1e-5)
 
 
+def test_a_sample_of_short_cranks_tells_how_it_leaves() -> None:
+    """Places of a sample lie wide apart: their error looked as if the branch passed beside it,
+    and accelerations were those without the lost row."""
+    bars = {'near': ('A0', 'B0', 1.0), 'far': ('A1', 'B1', 4.0), 'table': ('B0', 'B1', 2.0)}
+    hinges = ('ground', 'near', 'A0'), ('ground', 'far', 'A1')
+    heads = ('near', 'table', 'B0'), ('far', 'table', 'B1')
+    mechanism = {
+        'alf': 1,
+        'space': 'planar',
+        'points': {
+            'A0': {'at': [0.0, 0.0], 'fixed': True},
+            'A1': {'at': [1.0, 0.0], 'fixed': True},
+            'B0': {'at': [0.5, 0.0]},
+            'B1': {'at': [1.5, 0.0]},
+        },
+        'bodies': {
+            name: {'points': [one, other], 'mass': mass, 'inertia': 'rod'}
+            for name, (one, other, mass) in bars.items()
+        },
+        'joints': {
+            f'pin{k}': {'type': 'revolute', 'between': [one, other], 'at': at}
+            for k, (one, other, at) in enumerate([*hinges, *heads])
+        },
+    }
+    scene = {'mechanism': mechanism, 'effects': {'gravity': {'acceleration': [0.0, -G]}}}
+    sample = Simulation(load_scene(scene)).sample()
+    rate = -G * (5.0 / 2.0 + 2.0) / (5.0 / 3.0 + 2.0)
+    np.testing.assert_allclose(sample.qdd, [0.0, rate, 0.0, rate], atol=1e-8)
+    feet = sample.reactions['pin0'].force[1] + sample.reactions['pin1'].force[1]
+    assert feet == pytest.approx(5.0 * (G + rate / 2.0) + 2.0 * (G + rate), abs=1e-6)
+
+
 @pytest.mark.parametrize('name', ['four', 'two of six side by side'])
 def test_check_knows_one_freedom(name: str) -> None:
     """Places found around it lay so close that their σ was 1e-4 of an ordinary one."""
@@ -136,3 +168,20 @@ def test_two_bars_in_line_that_hang_up_a_pendulum_are_shaky() -> None:
     }
     with pytest.raises(AssemblyError, match='infinitesimally mobile only'):
         Simulation(load_scene(scene))
+
+
+@pytest.mark.parametrize(('name', 'integrator'), combined(TABLES, INTEGRATORS))
+def test_a_force_that_begins_later_starts_it_as_from_the_start(name: str, integrator: str) -> None:
+    """After steps at rest the lost rows were forgotten: it began to turn, or was refused."""
+    scene = load_scene({'mechanism': flat(name)['mechanism']})
+    ends, begun = [], []
+    for rest in (0, 3):
+        simulation = Simulation(scene, step=1e-3, integrator=integrator)
+        simulation.step(rest)
+        simulation.apply_wrench('B0', [1.0, 3.0])
+        begun.append(simulation.sample().qdd)
+        simulation.step(20)
+        ends.append(simulation.state)
+    np.testing.assert_allclose(begun[1], begun[0], atol=1e-8)
+    np.testing.assert_allclose(ends[1].q, ends[0].q, atol=1e-10)
+    np.testing.assert_allclose(ends[1].qd, ends[0].qd, atol=1e-8)
