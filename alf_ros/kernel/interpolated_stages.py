@@ -234,7 +234,7 @@ def _find(
             return count, False
     count = _interpolate(problem, t, moving, scales, spacing)
     # where there is one branch only, a place beside it is none of another one; and all branches
-    # lead through the start, which wide places miss by the error of their interpolation
+    # lead through the position, which wide places miss by the error of their interpolation
     ways, same = system.departures, _SAME * system.size
     met = known and (
         ways.branch[ways.branch.size - 1] == 0 or furthest(work.base, ways.q, n) <= same

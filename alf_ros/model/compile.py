@@ -137,8 +137,9 @@ class Model:
         return replace(self, system=system)
 
     def departing(self, q: Floats, branches: Sequence[Floats]) -> Model:
-        """The same, at rest in a singular position q (blocks D, m) that it may leave on branches,
-        each with directions (dimension, blocks D) orthonormal in the metric of M."""
+        """The same, at rest in a singular position q (blocks D, m), or hardly beside it, which it
+        may leave on branches, each with directions (dimension, blocks D) orthonormal in the metric
+        of M."""
         departures = Departures(
             q=q[: self.n].copy(),
             branch=np.repeat(np.arange(len(branches)), [len(each) for each in branches]),

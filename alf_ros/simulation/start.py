@@ -13,6 +13,7 @@ from alf_ros.model.consistency import Adjustment, made_consistent
 from alf_ros.model.handedness import check_hands
 from alf_ros.model.penalty import LEAST_PENALTY, fitted
 from alf_ros.model.singular_branches import Position
+from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene, Solver
 
 
@@ -63,7 +64,9 @@ def started(scene: Scene, solver: Solver) -> Start:
         ) from None
     model = at.model
     if singular is not None and singular.branches and not (qd.any() or singular.is_driven):
-        model = model.departing(at.q, [branch.directions for branch in singular.branches])
+        # a start beside the position has a branch, which its place tells
+        directions = [branch.directions for branch in singular.branches]
+        model = model.departing(located(model, at.q), directions)
     return Start(model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment)
 
 
