@@ -9,10 +9,10 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Phase
-from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.integral_sums import sums_of
+from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
 
 
@@ -36,16 +36,17 @@ class Present:
 
     @classmethod
     def at(
-        cls, model: Model, state: State, applied: Applied, accounts: tuple[str, ...], h: float
+        cls, start: Start, state: State, applied: Applied, accounts: tuple[str, ...], h: float
     ) -> Present:
-        """The present at a state, with steps of h (s)."""
+        """The present at a state of the motion from a start, with steps of h (s)."""
         if state.inputs != applied.inputs:
             applied = applied.holding(state.inputs)
-        within = np.array([math.nan])  # the rank is counted before the next step
-        state = replace(state, sums=sums_of(model, state))
+        # the rank is counted before the next step, but at an ordinary start
+        within = np.array([math.nan if state.step or start.near else 0.0])
+        state = replace(state, sums=sums_of(start.model, state))
         phase = _phase(state, accounts, applied.load_count, within)
         # a state may come from a log, which holds what moves freely
-        prescribe(model.system, state.step * h, phase.q, phase.qd, np.zeros_like(phase.q))
+        prescribe(start.model.system, state.step * h, phase.q, phase.qd, np.zeros_like(phase.q))
         return cls(phase, state.carried.copy(), applied, accounts, state.step, h)
 
     def aside(self, state: State, within: Floats) -> Present:

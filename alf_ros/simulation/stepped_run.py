@@ -44,7 +44,7 @@ class SteppedRun:
         tangents: LastingTangents | None = None,
     ) -> None:
         self.stepper, self.tangents = stepper, tangents
-        self.present = Present.at(start.model, state, stepper.applied, accounts, stepper.h)
+        self.present = Present.at(start, state, stepper.applied, accounts, stepper.h)
         self.step_cost = math.nan
         self._start, self._solver = start, solver
         self._watcher: Watcher | None = None
@@ -65,7 +65,7 @@ class SteppedRun:
     def enter(self, state: State) -> None:
         """Continue from a usable state; uses the packed forces."""
         h = self.stepper.h
-        present = Present.at(self._start.model, state, self.applied, self.present.accounts, h)
+        present = Present.at(self._start, state, self.applied, self.present.accounts, h)
         self.stepper.begin()
         if self.tangents is not None:
             self.tangents.restart(state.step * h)
