@@ -102,13 +102,14 @@ def _mechanics(scene: Scene) -> Soundness:
     except AssemblyError as error:
         closed = Answer(BAD, 'loops', str(error.message))
         return Soundness(model, model.q, (closed, *_size(drawn)), Sweep())
-    usual = _ordinary(at)
+    usual, accustomed = _ordinary(at)
     walk = sweep(usual, None if usual is at else at)
     answers = [_closing(at), *_size(at), _mobility(at, usual), _redundant(usual)]
     answers += _drives(scene, at, usual.model.n - usual.rank)
     answers += [*_reactions(scene, usual), _mass(at)]
-    answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
-    singular = _examined(usual, walk)
+    known_bad = any(answer.verdict == BAD for answer in answers)
+    answers += _start(scene, accustomed, at.q, known_bad)
+    singular = _examined(accustomed, walk)
     answers += [*_on_the_way(usual, walk, singular), *_energy(scene, usual.model, walk)]
     return Soundness(model, at.q, tuple(answers), walk, usual.model.n - usual.rank, singular)
 
@@ -149,11 +150,12 @@ def _without_rotors(model: Model) -> Model:
     return model if Linearised(bare, bare.q).massless.shape[1] else bare
 
 
-def _ordinary(at: Linearised) -> Linearised:
-    """The position itself, or an ordinary one near it where more rows are independent."""
-    _, place, _ = ordinary_positions.ordinary(at.model, at.q)
+def _ordinary(at: Linearised) -> tuple[Linearised, Model]:
+    """The position itself, or an ordinary one near it where more rows are independent; and the
+    model that knows its ordinary values."""
+    dependent, place, sigma = ordinary_positions.ordinary(at.model, at.q)
     near = Linearised(at.model, place)
-    return near if near.rank > at.rank else at
+    return near if near.rank > at.rank else at, at.model.accustomed(sigma, dependent)
 
 
 # ------------------------------------------------------------------------------------ the answers
@@ -207,7 +209,7 @@ def _drives(scene: Scene, at: Linearised, freedoms: int) -> Iterator[Answer]:
     if off and at.rank < at.model.n - freedoms:
         off += '; the drawing is singular and does not tell which branch is meant: draw it beside'
     try:
-        there = _ordinary(Linearised(model, assembly.close(model, scene.positions)))
+        there, _ = _ordinary(Linearised(model, assembly.close(model, scene.positions)))
     except AssemblyError as error:
         begins = f'; {off}' if off else ''
         yield Answer(BAD, 'drives', f'{error.message}{begins}')
@@ -312,16 +314,18 @@ def _mass(at: Linearised) -> Answer:
     return Answer(BAD, 'mass', f'none in {_count(count, "free direction")}: {cure}')
 
 
-def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]:
-    """Whether the scene's start is one that a motion begins with, as the simulation judges it."""
+def _start(scene: Scene, model: Model, q: Floats, is_known_bad: bool) -> Iterator[Answer]:
+    """Whether the scene's start is one that a motion begins with, as the simulation judges it.
+
+    `model`: without drives, knowing its ordinary values; q (blocks D, m): closed.
+    """
     solver = replace(scene.solver, accuracy=None, formulation='alf2')
     simulation, fault = None, None
     try:
         simulation = Simulation(replace(scene, solver=solver))
     except AssemblyError as error:
         fault = error
-    dependent, _, sigma = ordinary_positions.ordinary(at.model, at.q)
-    here = singular_branches.position(at.model.accustomed(sigma, dependent), at.q)
+    here, dependent = singular_branches.position(model, q), _dependent(model)
     gained = len(here.lost) - dependent
     if simulation is not None and simulation.singular_start is not None:
         if not scene.mechanism.drives or simulation.singular_start.is_driven:
@@ -370,14 +374,17 @@ def _from_rest(here: Position, simulation: Simulation) -> Answer:
     return Answer(OK, question, 'at rest, and stays there: no force acts along a branch')
 
 
-def _examined(usual: Linearised, walk: Sweep) -> tuple[Branches, ...]:
-    """The kinds of the singular positions of a walk; `walk.singular` becomes exact."""
-    if not walk.singular:
-        return ()
-    dependent, _, sigma = ordinary_positions.ordinary(usual.model, usual.q)
-    model = usual.model.accustomed(sigma, dependent)
+def _examined(model: Model, walk: Sweep) -> tuple[Branches, ...]:
+    """The kinds of the singular positions of a walk, which become exact in `walk.singular`;
+    `model` knows its ordinary values."""
     walk.singular[:] = [located(model, q) for q in walk.singular]
-    return tuple(reported(singular_branches.position(model, q), dependent) for q in walk.singular)
+    count = _dependent(model)
+    return tuple(reported(singular_branches.position(model, q), count) for q in walk.singular)
+
+
+def _dependent(model: Model) -> int:
+    """How many rows depend on others at ordinary positions."""
+    return len(model.row_names) - round(model.system.rank)
 
 
 def _on_the_way(usual: Linearised, walk: Sweep, singular: Sequence[Branches]) -> Iterator[Answer]:

@@ -17,12 +17,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Unit
+from alf_ros.arrays import Unit
 from alf_ros.kernel.augmented_solve import accelerate_under, apply
-from alf_ros.kernel.data import Departures, Phase, Problem, Scales, System, Work
+from alf_ros.kernel.data import Phase, Problem, Scales, System, Work
+from alf_ros.kernel.departure import SAME, follow_branch, leave_on_branch, meets_all
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import lost
-from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import TWO, inner
 from alf_ros.kernel.numba_ext.vectors import copy, copy_first, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
@@ -51,8 +51,6 @@ _NARROWER = 0.25  # of their spacing, where friction has no balance at one of th
 _NARROWEST = 0.02  # of the first spacing, above which they are moved closer once more
 SLOW = 1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
 _CLOSED = 1e-10  # part of the size
-_HERE = 1e-5  # part of the size: so near to the start its branches are those of a stage at rest
-_SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 DRIFT = 1e-13  # part of the size by which lengths may miss the position without energy drifting
 _SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
 
@@ -217,9 +215,7 @@ def _find(
     fastest = largest(phase.qd, n)
     spacing = max(20.0 * moved, SPACING * system.close * scales.radius)
     moving = fastest > SLOW * scales.falling
-    known = not moving and _leave(problem)
-    if not moving and not known:
-        copy(work.pull, work.along)
+    known = not moving and leave_on_branch(problem)
     speed = largest(work.along, n)
     if not speed > 0.0:
         return 1, False
@@ -229,20 +225,13 @@ def _find(
     for a in range(n):
         work.curve[a] = bend * bend * work.bend[a]
     if not moving:
-        count = _aim(problem, t, scales, spacing)
+        count = follow_branch(problem, t, scales, spacing)
         if count <= 0:
             return count, False
     count = _interpolate(problem, t, moving, scales, spacing)
-    # where there is one branch only, a place beside it is none of another one; and all branches
-    # lead through the position, which wide places miss by the error of their interpolation
-    ways, same = system.departures, _SAME * system.size
-    met = known and (
-        ways.branch[ways.branch.size - 1] == 0 or furthest(work.base, ways.q, n) <= same
-    )
-    if count > 0 and not (moving or met):
-        if known:  # places off the branch by e slip along it by e² / x: e is of the third order
-            same += spacing * (spacing / scales.radius) ** 4
-        if furthest(work.sum_q, work.base, n) > furthest(work.base, phase.q, n) + same:
+    if count > 0 and not moving:
+        gone = furthest(work.base, phase.q, n) + SAME * system.size
+        if furthest(work.sum_q, work.base, n) > gone and not (known and meets_all(problem, gone)):
             prescribe(system, t, work.q, work.qd, work.qdd)
             copy(work.base, work.q)
             copy(work.base, work.target)
@@ -256,85 +245,6 @@ def _find(
         more = _interpolate(problem, t, moving, scales, spacing)
         count = max(count, more) if more > 0 else more
     return count, count > 0
-
-
-@inner
-def _leave(problem: Problem) -> bool:
-    """Let `along` be the acceleration on the branch where it is nearest to the one without the
-    lost rows, where branches are known; returns whether they are."""
-    system, work = problem.system, problem.work
-    n, ways = work.p.size, system.departures
-    if not ways.branch.size or furthest(work.base, ways.q, n) > _HERE * system.size:
-        return False
-    momenta = work.sum_q
-    zero(momenta)
-    add_mass_times(problem.unit, system.mass, 1.0, work.pull, momenta)
-    most, best, part, branch = 0.0, -1, 0.0, -1
-    for k in range(ways.branch.size):
-        if ways.branch[k] != branch:
-            part, branch = 0.0, ways.branch[k]
-        part += _along(ways, k, momenta) ** 2
-        if part > most:
-            most, best = part, branch
-    zero(work.along)
-    for k in range(ways.branch.size):
-        if ways.branch[k] == best:
-            rate, at = _along(ways, k, momenta), n * np.uint64(k)
-            for a in range(n):
-                work.along[a] += rate * ways.directions[at + a]
-    return True
-
-
-@inner
-def _along(ways: Departures, k: int, momenta: Floats) -> float:
-    """The part of momenta along direction k."""
-    found, at = 0.0, momenta.size * np.uint64(k)
-    for a in range(momenta.size):
-        found += ways.directions[at + a] * momenta[a]
-    return found
-
-
-@inner
-def _aim(problem: Problem, t: float, scales: Scales, spacing: float) -> int:
-    """Let `along`, an acceleration from rest, be the direction of the branch next to it, and
-    `curve` its curvature; returns the iterations, as `stage` does.
-
-    The acceleration lacks the lost rows. So it may lead aside of every branch, to places that are
-    no smooth function of their distance. Two of them, `spacing` (m) to either side, are projected
-    onto the branch, and their chord leads along it. Where rows that hold squares bring them back
-    most of the way, chords are drawn again. Without the curvature, projections would slip along
-    the branch.
-    """
-    system, work = problem.system, problem.work
-    n, most = work.p.size, 0
-    speed = largest(work.along, n)
-    for _turn in range(_TRIES):
-        zero(work.sum_q)
-        zero(work.sum_qd)
-        for side in range(2):
-            away = spacing / speed if side else -spacing / speed
-            prescribe(system, t, work.q, work.qd, work.qdd)
-            for a in range(n):
-                place = work.base[a] + away * work.along[a]
-                work.q[a], work.target[a] = place, place
-            count, _x, _clear = stage(problem, t, scales, True, False)
-            if count <= 0:
-                return count
-            most = max(most, count)
-            for a in range(n):
-                work.sum_q[a] += work.q[a] if side else -work.q[a]
-                work.sum_qd[a] += work.q[a] - work.base[a]
-        chord = largest(work.sum_q, n)
-        if not chord > _SAME * system.size:
-            return most
-        rate = 2.0 * speed / chord
-        for a in range(n):
-            work.along[a] = 0.5 * rate * work.sum_q[a]
-        if chord > spacing:
-            for a in range(n):
-                work.curve[a] = rate * rate * work.sum_qd[a]
-            return most
-    return most
 
 
 @inner

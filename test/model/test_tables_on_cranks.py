@@ -25,6 +25,10 @@ TABLES = {  # where the cranks turn, m; their length, m; and the mass centre of 
 INTEGRATORS = 'rk4', 'dop853', 'dop853_adaptive', 'esdirk43'
 
 
+def pin(one: str, other: str, at: str) -> dict[str, Any]:
+    return {'type': 'revolute', 'between': [one, other], 'at': at}
+
+
 def flat(name: str) -> dict[str, Any]:
     """The scene: all cranks point along x, and nothing moves yet."""
     feet, length, com = TABLES[name]
@@ -35,16 +39,8 @@ def flat(name: str) -> dict[str, Any]:
         points[f'A{k}'] = {'at': [x, 0.0], 'fixed': True}
         points[f'B{k}'] = {'at': [x + length, 0.0]}
         bodies[f'crank{k}'] = {'points': [f'A{k}', f'B{k}'], 'mass': CRANK, 'inertia': 'rod'}
-        joints[f'foot{k}'] = {
-            'type': 'revolute',
-            'between': ['ground', f'crank{k}'],
-            'at': f'A{k}',
-        }
-        joints[f'head{k}'] = {
-            'type': 'revolute',
-            'between': [f'crank{k}', 'table'],
-            'at': f'B{k}',
-        }
+        joints[f'foot{k}'] = pin('ground', f'crank{k}', f'A{k}')
+        joints[f'head{k}'] = pin(f'crank{k}', 'table', f'B{k}')
     bodies['table'] = {
         'points': [f'B{k}' for k in range(len(feet))],
         'mass': TABLE,
@@ -143,7 +139,6 @@ def test_two_bars_in_line_that_hang_up_a_pendulum_are_shaky() -> None:
     """However it swings, as many rows depend on others: that lengths contradict each other where
     the mechanism moves was the reason given."""
     bar = {'mass': 1.0, 'inertia': 'rod'}
-    joints = [('ground', 'left', 'A'), ('ground', 'right', 'B'), ('left', 'right', 'C')]
     scene = {
         'mechanism': {
             'alf': 1,
@@ -160,8 +155,10 @@ def test_two_bars_in_line_that_hang_up_a_pendulum_are_shaky() -> None:
                 'bob': {'points': ['C', 'D'], **bar},
             },
             'joints': {
-                f'pin{k}': {'type': 'revolute', 'between': [one, other], 'at': at}
-                for k, (one, other, at) in enumerate([*joints, ('left', 'bob', 'C')])
+                'a': pin('ground', 'left', 'A'),
+                'b': pin('ground', 'right', 'B'),
+                'c': pin('left', 'right', 'C'),
+                'd': pin('left', 'bob', 'C'),
             },
         },
         'effects': {'gravity': {'acceleration': [0.0, -G]}},

@@ -1,7 +1,8 @@
 """Cases that repeat what other cases of the same test prove: `make thorough` runs them, too.
 
 `make test` has a limit of time. A test of many integrators, scenes and effects keeps one case at
-least of each of them there.
+least of each of them there. The test that compiles all code again, for numpy 1, is only in
+`make thorough`.
 """
 
 from __future__ import annotations
