@@ -42,7 +42,8 @@ class Present:
         if state.inputs != applied.inputs:
             applied = applied.holding(state.inputs)
         # the rank is counted before the next step, but at an ordinary start
-        within = np.array([math.nan if state.step or start.near else 0.0])
+        begins = not (state.step or start.near) and np.array_equal(state.q, start.q)
+        within = np.array([0.0 if begins else math.nan])
         state = replace(state, sums=sums_of(start.model, state))
         phase = _phase(state, accounts, applied.load_count, within)
         # a state may come from a log, which holds what moves freely
