@@ -17,6 +17,7 @@ from alf_ros.kernel.numba_ext.lane_numbers import anywhere, everywhere, pick, un
 
 _FALLEN = 8.0  # of log det A: a lost row that had s > 100, above which solves are not slow
 _FALLEN_BY = np.exp(_FALLEN)
+_HALVED = 4.0  # times less det A where a row has half of its σ
 _SMALL, _LARGE = 1e-200, 1e200  # between which products are kept
 
 
@@ -61,6 +62,24 @@ def fallen(work: Work) -> bool:
     if everywhere(same):
         return by_product
     return pick(same, by_product, difference + np.log(product) - np.log(before) > _FALLEN)
+
+
+@inner
+def passes_soon(work: Work) -> bool:
+    """Whether σ of a row was halved in the step, or doubled.
+
+    Where a motion passes a singular position, σ falls and rises about in proportion to the way. If
+    a step leaps over the position, then σ is halved at least in the step before, and doubled at
+    least in the step behind: one of these at least shows it where σ is curved, too.
+    """
+    before, product = work.inverse_det[0], work.inverse_det[2]
+    difference = work.inverse_det[3] - work.inverse_det[1]
+    by_product = (product > _HALVED * before) | (_HALVED * product < before)
+    same = difference == 0.0
+    if everywhere(same):
+        return by_product
+    change = difference + np.log(product) - np.log(before)
+    return pick(same, by_product, (change > np.log(_HALVED)) | (change < -np.log(_HALVED)))
 
 
 @inner

@@ -50,7 +50,7 @@ from alf_ros.kernel.interpolated_stages import (
 )
 from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
+from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, passes_soon, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, expanded, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere
 from alf_ros.kernel.numba_ext.lane_structs import section
@@ -314,9 +314,9 @@ def step(
         tell(problem, phase, STAGE, s, ts, x)
     tell(problem, phase, ADDED_UP, stages, end, x)
     work.nearest[0] = nearest
-    if nearest < NEAR:
-        work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))
     result, count = end_step(problem, phase, there, h, x < np.inf, nearest < np.inf, scales)
+    if nearest < NEAR or passes_soon(work):
+        work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))
     return result, max(most, count)
 
 

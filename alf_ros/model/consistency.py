@@ -74,14 +74,10 @@ def made_consistent(
     """
     if not dependent_rows:
         return None
-    mechanism = model.mechanism
-    if mechanism.drives or model.system.rows.velocity:  # free, so that all rows can be met
-        free = compiled(replace(mechanism, drives=()))
-        q = carried(model.layout, q, free)
-        dependent_rows, _, sigma = ordinary(free, q)
-        if not dependent_rows:
-            return None
-        model = free.accustomed(sigma, dependent_rows)
+    drives = model.mechanism.drives
+    model, q, dependent_rows = freed(model, q, dependent_rows)
+    if not dependent_rows:
+        return None
     model = model.with_penalty(PENALTY)
     walk = Walk(model, dependent_rows)
     places, singular = walk.places(q, _MANY if model.n <= SEARCHED else _FEW)
@@ -102,7 +98,19 @@ def made_consistent(
         )
     amounts = changes(model.mechanism, found, model.size)
     changed = {name: amount for name, amount in amounts if amount > 0.0}
-    return replace(found, drives=mechanism.drives), Adjustment(changed, gap)
+    return replace(found, drives=drives), Adjustment(changed, gap)
+
+
+def freed(model: Model, q: Floats, dependent_rows: int) -> tuple[Model, Floats, int]:
+    """(model, q, dependent rows) without drives and rows of velocities, so that all rows can be
+    met where the mechanism is moved; q (blocks D, m)."""
+    mechanism = model.mechanism
+    if not (mechanism.drives or model.system.rows.velocity):
+        return model, q, dependent_rows
+    free = compiled(replace(mechanism, drives=()))
+    q = carried(model.layout, q, free)
+    dependent_rows, _, sigma = ordinary(free, q)
+    return free.accustomed(sigma, dependent_rows), q, dependent_rows
 
 
 def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechanism:

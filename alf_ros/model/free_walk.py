@@ -6,6 +6,7 @@ position the rows that lose their direction there may contradict the others like
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -37,10 +38,11 @@ _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
 _LOST = 0.02  # of a mode: from there on a singular position may be near
 SEARCHED = 3000  # coordinates up to which singular positions are looked for
 _IN = 1e-2  # of a lost mode: σ below 1e-3
+_FIRM = 1e6  # penalty that tells a lost mode, of σ below 1e-4, from others that are always soft
 _PARTS = 16  # of a branch that is followed through a singular position
 _FURTHER = 1.1  # times its length
 _WIDTH = 6e-11  # of that length, to which a singular position is found on it
-_SPACINGS = 0.1, 0.04, 0.016  # of places on either side of a singular position, of those on a way
+_SPACINGS = 0.25, 0.1, 0.04, 0.016  # of places on either side of a singular position, of those on a way
 _OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _CLOSED = 256.0  # rounding units that these places may leave open
 _ROUNDS = 3  # of putting places on a branch
@@ -56,7 +58,7 @@ class Walk:
         self._work = allocate(model, model.system, 0)
         reach = max(model.size, float(np.abs(model.q).max()))
         self.rounding = EPS * reach  # m
-        self._soft = model.with_penalty(_SOFT)
+        self._soft, self._firm = model.with_penalty(_SOFT), model.with_penalty(_FIRM)
         self._step = _STEP
 
     def places(self, q: Floats, count: int, seed: int = 0) -> tuple[list[Floats], list[Floats]]:
@@ -161,12 +163,19 @@ class Walk:
                     found.append(place)
         return found
 
-    def _missing(self, q: Floats) -> float:
-        """By how much rank falls at q: Σ 1 / (1 + s²), with a penalty that feels soft modes."""
-        if not kernel.linearise(self.model.unit, self._soft.system, self._work, q):
+    def _missing(self, q: Floats, model: Model | None = None) -> float:
+        """By how much rank falls at q: Σ 1 / (1 + s²), with a penalty that feels soft modes, or
+        that of a `model`."""
+        model = model or self._soft
+        if not kernel.linearise(model.unit, model.system, self._work, q):
             return 0.0
-        rank = effective_rank(self._soft, self._work)
-        return len(self.model.row_names) - self.dependent_rows - rank
+        rank = effective_rank(model, self._work)
+        return len(model.row_names) - self.dependent_rows - rank
+
+    def _is_lost(self, q: Floats) -> bool:
+        """Whether whole modes are missing at q, with one of two penalties."""
+        missing = self._missing(q), self._missing(q, self._firm)
+        return missing[0] > 0.5 and any(abs(lost - round(lost)) < _IN for lost in missing)
 
     def _softest(self, around: list[Floats]) -> Floats | None:
         """The singular position between three places; None if there is none.
@@ -187,25 +196,25 @@ class Walk:
             return 1.0 / max(self._missing(best[0]), 1e-6)
 
         softest = lowest(height, branch.s[most - 1], branch.s[most + 1], _WIDTH * length)
-        lost = 1.0 / height(softest)
-        if not (lost > 0.5 and abs(lost - round(lost)) < _IN):
+        height(softest)
+        if not self._is_lost(best[0]):
             return None
         if self.widest(best[0]) <= _FELT * self.rounding:
             return best[0]
         _, along, bend, _ = branch.at(softest)
         along, bend = 0.5 * length * along, 0.25 * length**2 * bend
         usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, branch.places[-1]]))
-        least, found = _FELT * self.rounding, list[Floats]()
+        least, before = _FELT * self.rounding, math.inf
         for spacing in _SPACINGS:
             place = self._on_branch(best[0], along, bend, spacing, usual)
             if place is None:
-                break
+                continue
             # what interpolation leaves open changes with the spacing; a contradiction stays
-            before = self.widest(found[-1]) if found else self.widest(place)
-            if not 0.5 * before - least < self.widest(place) < 1.5 * before + least:
-                return None
-            found.append(place)
-        return found[1] if len(found) > 1 else None  # the third may be too near to be told
+            gap = self.widest(place)
+            if 0.5 * before - least < gap < 1.5 * before + least:
+                return place
+            before = gap
+        return None
 
     def _branch(self, start: Floats, direction: Floats, length: float) -> SmoothBranch:
         """The branch through a place, followed a little further than a length (m), if it goes as

@@ -9,8 +9,9 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel.interpolated_stages import DRIFT
-from alf_ros.model.compile import allocate
-from alf_ros.model.free_walk import PENALTY, Walk
+from alf_ros.model.compile import Model, allocate
+from alf_ros.model.consistency import freed
+from alf_ros.model.free_walk import PENALTY, Walk, carried
 from alf_ros.model.softest_modes import found
 from alf_ros.simulation.resolution import LENGTHS, MOTION, Judged, Resolution
 from alf_ros.simulation.start import Start
@@ -28,40 +29,47 @@ class MissedPositions:
         self._start, self._model, self._leaps = start, start.model, leaps
 
     @cached_property
+    def _freed(self) -> tuple[Model, Floats, int]:
+        """(model, q, dependent rows) of the start without drives, as `consistency.freed`."""
+        return freed(self._model, self._start.q, self._start.dependent_rows)
+
+    @cached_property
     def reason(self) -> str:
         """With one freedom only lengths can miss a singular position; with several, the motion."""
-        model = self._model
-        freedoms = model.n - (len(model.row_names) - self._start.dependent_rows)
-        return LENGTHS if freedoms == 1 else MOTION
+        model, _, dependent_rows = self._freed
+        return LENGTHS if model.n - (len(model.row_names) - dependent_rows) == 1 else MOTION
 
     @cached_property
     def on_the_way(self) -> float:
         """By how much (m) lengths miss singular positions on the way of the mechanism from where
         the scene starts. The first access takes some tenths of a second."""
-        along = np.random.default_rng(0).standard_normal(self._model.n)
-        return self._walked(self._start.q, along, nearby=False)
+        return self._walked(self._start.q, None)
 
     @cached_property
     def _examined(self) -> bool:
         """Whether the way of the mechanism can be followed without its motion."""
-        model = self._model
-        is_free = not model.mechanism.drives and not model.system.rows.velocity
-        return is_free and model.n <= _LOOKED_AT and self.reason == LENGTHS
+        return self._model.n <= _LOOKED_AT and self.reason == LENGTHS
 
-    def _walked(self, q: Floats, along: Floats, nearby: bool) -> float:
-        """As `Walk.missed`; 0 for mechanisms that are not examined."""
-        model = self._model
+    def _walked(self, q: Floats, qd: Floats | None) -> float:
+        """As `Walk.missed` from q (blocks D, m), near by along q̇ (blocks D, m/s), all the way
+        without q̇; 0 for mechanisms that are not examined."""
         if not self._examined:
             return 0.0
-        walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
-        return walk.missed(q, along[: model.n], nearby)
+        model, _, dependent_rows = self._freed
+        walk, layout = Walk(model.with_penalty(PENALTY), dependent_rows), self._model.layout
+        from_here = carried(layout, q, model)
+        if qd is None:
+            along = np.random.default_rng(0).standard_normal(model.n)
+        else:
+            along = (carried(layout, q + qd, model) - from_here)[: model.n]
+        return walk.missed(from_here, along, qd is not None)
 
     def explained(self, told: float, q: Floats, qd: Floats) -> tuple[str, str] | None:
         """(addition to the reason, remedy) for a step that could not be closed from q (blocks D,
         m) and q̇ (m/s); None if no singular position is near. `told` (m): by how much a stage
         found that one is missed. Stages of steps that are far too long find that too where
         lengths agree, so where the way can be followed it must confirm it."""
-        gap = self._walked(q, qd, nearby=True)
+        gap = self._walked(q, qd)
         if told > 0.0 and (gap > 0.0 or not self._examined or self.on_the_way > 0.0):
             gap = told
         if not 0.0 < gap <= _MEANT * self._model.size:

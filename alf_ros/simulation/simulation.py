@@ -308,8 +308,9 @@ class Simulation:
     @property
     def missed(self) -> float:
         """By how much (m) lengths miss a singular position on the way from the start; 0 if by
-        nothing that is felt, or if it is not looked for: with drives, rows of velocities, or more
-        than 600 coordinates. Known from when it is first asked for: some tenths of a second."""
+        nothing that is felt, or if it is not looked for: with more than one freedom without
+        drives, or more than 600 coordinates. Known from when it is first asked for: some tenths
+        of a second."""
         return self._run.stepper.missed.on_the_way
 
     @property

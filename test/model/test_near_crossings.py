@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alf_ros import Simulation, StepError, load_scene
+from alf_ros import Ensemble, Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.model.free_walk import Walk
 from support.thorough import combined
@@ -83,7 +83,7 @@ def test_what_only_a_singular_position_tells_is_adjusted(error: float, integrato
 THETA = math.radians(60.0)
 
 
-def crank(error: float) -> dict[str, Any]:
+def crank(error: float, speed: float = 1.0) -> dict[str, Any]:
     """A slider-crank whose coupler is longer by `error`. No row is redundant: it is as drawn."""
     points = {
         'O': {'at': [0.0, 0.0], 'fixed': True},
@@ -109,7 +109,7 @@ def crank(error: float) -> dict[str, Any]:
                 },
             },
         },
-        'initial': {'velocities': {'A': [-math.sin(THETA), math.cos(THETA)]}},
+        'initial': {'velocities': {'A': [-speed * math.sin(THETA), speed * math.cos(THETA)]}},
     }
 
 
@@ -153,6 +153,48 @@ def test_fixed_steps_do_not_leap_over_it_without_a_word(
     equal = Simulation(load_scene(crank(0.0)), integrator=integrator, step=step)
     equal.step(round(0.8 / step))
     assert not equal.sample().diagnostics.trouble
+
+
+def named(file: dict[str, Any], integrator: str, step: float, duration: float) -> float:
+    """By how much (m) lengths miss a singular position, as a run or its end says; else 0."""
+    sim = Simulation(load_scene(file), integrator=integrator, step=step)
+    try:
+        sim.step(round(duration / step))
+        said = sim.sample().diagnostics.trouble
+    except StepError as failure:
+        said = str(failure)
+    found = re.search(r'lengths miss a singular position by about ([\de.-]+) m', said)
+    return float(found[1]) if found else 0.0
+
+
+@pytest.mark.parametrize('driven', [False, True])
+@pytest.mark.parametrize(('integrator', 'step'), [('rk4', 4e-3), ('dop853', 1e-2)])
+def test_steps_that_go_far_beside_it_do_not_leap_over_it_without_a_word(
+    integrator: str, step: float, driven: bool
+) -> None:
+    """At 30 rad/s no stage comes nearer to the position than a tenth of the size."""
+    for error in (0.0, 1e-10, 1e-9, 1e-8):
+        file = crank(error, 30.0)
+        if driven:
+            motor = {'joint': 'pin', 'angle': f'{THETA} + 30*t'}
+            file = {**file, 'initial': {}, 'drives': {'motor': motor}}
+        for part in (0.9, 1.0, 1.1):
+            found = named(file, integrator, part * step, 0.4)
+            assert 0.2 * error <= found <= 5.0 * error
+
+
+def test_steps_of_members_do_not_leap_over_it_without_a_word() -> None:
+    settings: dict[str, Any] = {'step': 3.6e-3, 'integrator': 'rk4'}
+    scene = load_scene(crank(1e-9, 30.0))
+    alone = Simulation(scene, **settings)
+    alone.step(100)
+    members = Ensemble(scene, 3, steps=50, **settings)
+    for _ in range(2):
+        members.step()
+    said = alone.sample().diagnostics.trouble
+    assert 'lengths miss a singular position' in said
+    assert members.trouble == dict.fromkeys(range(3), said)
+    assert (members.simulation(1).sample().q == alone.sample().q).all()
 
 
 def test_what_no_stage_comes_near_to_is_named_where_it_fails() -> None:
