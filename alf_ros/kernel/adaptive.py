@@ -207,7 +207,7 @@ def advance_adaptively(
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
-                accept(unit, system, work, phase)
+                accept(unit, system, work, phase, dt)
                 copy(problem.forces.bearings.force, phase.loads)
                 done = aim if parts == 1.0 else done + dt
                 pace[0] = next_pace(pace[0], dt, factor)

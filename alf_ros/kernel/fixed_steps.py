@@ -93,7 +93,7 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
                     restore_grid_point(problem, phase)
                 return result, taken, most
             record_power(problem, phase, begin, problem.method.b.size, dt, ALL_FORCES)
-            accept(unit, system, work, phase)
+            accept(unit, system, work, phase, dt)
             copy(problem.forces.bearings.force, phase.loads)
             sigma = least_sigma(phase)
             if aim == h:

@@ -390,7 +390,7 @@ def advance_implicitly(
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
-                accept(unit, system, work, phase)
+                accept(unit, system, work, phase, dt)
                 copy(problem.forces.bearings.force, phase.loads)
                 done = aim if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt

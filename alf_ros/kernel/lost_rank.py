@@ -65,21 +65,38 @@ def fallen(work: Work) -> bool:
 
 
 @inner
-def passes_soon(work: Work) -> bool:
-    """Whether σ of a row was halved in the step, or doubled.
+def _rise(work: Work) -> float:
+    """det A at the end of a step over det A where it began; of large numbers only whether it is
+    more than 4, 1 or 1/4."""
+    before, product = work.inverse_det[0], work.inverse_det[2]
+    exponent = work.inverse_det[1] - work.inverse_det[3]
+    rise, same = before / product, exponent == 0.0
+    if everywhere(same):
+        return rise
+    change, much = exponent + np.log(before) - np.log(product), np.log(_HALVED)
+    up = pick(change > much, 2.0 * _HALVED, 2.0)
+    down = pick(change < -much, 0.5 / _HALVED, 0.5)
+    return pick(same, rise, pick(change > 0.0, up, down))
+
+
+@inner
+def note_way(work: Work, way: float, made: bool) -> None:
+    """Keep how far (m) a step went in which σ of a row was halved or doubled, and how far one that
+    leapt over where σ is least. Nothing is kept where `made` does not hold.
 
     Where a motion passes a singular position, σ falls and rises about in proportion to the way. If
     a step leaps over the position, then σ is halved at least in the step before, and doubled at
     least in the step behind: one of these at least shows it where σ is curved, too.
     """
-    before, product = work.inverse_det[0], work.inverse_det[2]
-    difference = work.inverse_det[3] - work.inverse_det[1]
-    by_product = (product > _HALVED * before) | (_HALVED * product < before)
-    same = difference == 0.0
-    if everywhere(same):
-        return by_product
-    change = difference + np.log(product) - np.log(before)
-    return pick(same, by_product, (change > np.log(_HALVED)) | (change < -np.log(_HALVED)))
+    rise = _rise(work)
+    before, way_before = work.trend[0], work.trend[1]
+    much = (rise > _HALVED) | (_HALVED * rise < 1.0)
+    leapt = (rise > 1.0) & (before < 1.0) & (much | (_HALVED * before < 1.0))
+    work.crossing[2] = pick(made & much, max(work.crossing[2], way), work.crossing[2])
+    shorter = min(way, way_before)
+    work.crossing[3] = pick(made & leapt, max(work.crossing[3], shorter), work.crossing[3])
+    work.trend[0] = pick(made, rise, before)
+    work.trend[1] = pick(made, way, way_before)
 
 
 @inner

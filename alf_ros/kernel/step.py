@@ -50,7 +50,7 @@ from alf_ros.kernel.interpolated_stages import (
 )
 from alf_ros.kernel.kinks_over_time import stage_time
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, passes_soon, rank_lost
+from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, note_way, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, expanded, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere
 from alf_ros.kernel.numba_ext.lane_structs import section
@@ -315,7 +315,7 @@ def step(
     tell(problem, phase, ADDED_UP, stages, end, x)
     work.nearest[0] = nearest
     result, count = end_step(problem, phase, there, h, x < np.inf, nearest < np.inf, scales)
-    if nearest < NEAR or passes_soon(work):
+    if nearest < NEAR:
         work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))
     return result, max(most, count)
 
@@ -368,14 +368,16 @@ def restore_grid_point(problem: Problem, phase: Phase) -> None:
 
 
 @inner
-def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
-    """Take the end of a step that succeeded as the new phase."""
+def accept(unit: Unit, system: System, work: Work, phase: Phase, h: float) -> None:
+    """Take the end of a step of h (s) that succeeded as the new phase."""
     if some_crossed(unit, system.angles, work.q, work.angle_before):  # else `near` stays
         violation(unit, system.angles, phase.q, work.angle_before)
         violation(unit, system.angles, work.q, work.angle)
         count_turns(work.angle_before, work.angle, phase.turns)
         copy(work.angle, work.angle_before)
         nearby(work.angle, phase.turns, work.near)
+    if system.soft.weight.size == 0:  # else det A depends on h
+        note_way(work, h * largest(phase.qd, work.p.size), True)
     begin_with_det(work)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,12 +43,31 @@ _FIRM = 1e6  # penalty that tells a lost mode, of σ below 1e-4, from others tha
 _PARTS = 16  # of a branch that is followed through a singular position
 _FURTHER = 1.1  # times its length
 _WIDTH = 6e-11  # of that length, to which a singular position is found on it
-_SPACINGS = 0.25, 0.1, 0.04, 0.016  # of places on either side of a singular position, of those on a way
+_NARROWEST = 5e-7  # of the size: a turn between branches that are further apart is clearly one
+_NARROW = 0.03  # of an ordinary σ: modes as soft as that are of lengths that nearly agree
+_SPACINGS = (
+    0.25,
+    0.1,
+    0.04,
+    0.016,
+)  # of places on either side of a singular position, of those on a way
 _OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _CLOSED = 256.0  # rounding units that these places may leave open
 _ROUNDS = 3  # of putting places on a branch
 # of the polynomial of seventh order through such places: value and three derivatives at 0
 _DERIVATIVES = np.linalg.inv(np.vander(_OFFSETS, increasing=True))[:4] * [[1], [1], [2], [6]]
+
+
+class SoftPlace(NamedTuple):
+    """Where a mode is softest on a branch: q, blocks D, m; first and second derivative of the
+    branch by parts of the way beside it, m; by how much places on the branch may be open, m; and
+    whether it could not be followed further."""
+
+    q: Floats
+    along: Floats
+    bend: Floats
+    usual: float
+    ends: bool
 
 
 class Walk:
@@ -58,7 +78,7 @@ class Walk:
         self._work = allocate(model, model.system, 0)
         reach = max(model.size, float(np.abs(model.q).max()))
         self.rounding = EPS * reach  # m
-        self._soft, self._firm = model.with_penalty(_SOFT), model.with_penalty(_FIRM)
+        self._soft_model, self._firm_model = model.with_penalty(_SOFT), model.with_penalty(_FIRM)
         self._step = _STEP
 
     def places(self, q: Floats, count: int, seed: int = 0) -> tuple[list[Floats], list[Floats]]:
@@ -125,7 +145,7 @@ class Walk:
         Newton's method along M. It leaves a contradiction alone: its σ is as small as its gap.
         `soft`: what rows that are about to lose their direction contradict is left alone too.
         """
-        model, work = self._soft if soft else self.model, self._work
+        model, work = self._soft_model if soft else self.model, self._work
         work.q[:] = q
         part, most = (0.9, 200) if soft else (0.5, 30)
         phi, gap = np.empty((2, len(model.row_names)))
@@ -154,19 +174,13 @@ class Walk:
 
     def _singular(self, way: list[Floats]) -> list[Floats]:
         """The singular positions that successive places of a way lie around."""
-        found = []
-        missing = [self._missing(q) for q in way]
-        for n in range(1, len(way) - 1):
-            if _LOST < missing[n] >= max(missing[n - 1], missing[n + 1]):
-                place = self._softest(way[n - 1 : n + 2])
-                if place is not None:
-                    found.append(place)
-        return found
+        found = [self._of_branches(each) for each in self._soft(way)]
+        return [place for place in found if place is not None]
 
     def _missing(self, q: Floats, model: Model | None = None) -> float:
         """By how much rank falls at q: Σ 1 / (1 + s²), with a penalty that feels soft modes, or
-        that of a `model`."""
-        model = model or self._soft
+        the one of `model`."""
+        model = model or self._soft_model
         if not kernel.linearise(model.unit, model.system, self._work, q):
             return 0.0
         rank = effective_rank(model, self._work)
@@ -174,11 +188,20 @@ class Walk:
 
     def _is_lost(self, q: Floats) -> bool:
         """Whether whole modes are missing at q, with one of two penalties."""
-        missing = self._missing(q), self._missing(q, self._firm)
+        missing = self._missing(q), self._missing(q, self._firm_model)
         return missing[0] > 0.5 and any(abs(lost - round(lost)) < _IN for lost in missing)
 
-    def _softest(self, around: list[Floats]) -> Floats | None:
-        """The singular position between three places; None if there is none.
+    def _soft(self, way: list[Floats]) -> Iterator[SoftPlace]:
+        """The places between successive places of a way where a mode is softest."""
+        missing = [self._missing(q) for q in way]
+        for n in range(1, len(way) - 1):
+            if _LOST < missing[n] >= max(missing[n - 1], missing[n + 1]):
+                found = self._softest(way[n - 1 : n + 2])
+                if found is not None:
+                    yield found
+
+    def _softest(self, around: list[Floats]) -> SoftPlace | None:
+        """The same between three places; None if there is none.
 
         It is looked for on the branch of the first of them. The others may lie on another one.
         """
@@ -186,9 +209,13 @@ class Walk:
         length = float(np.linalg.norm(b - a) + np.linalg.norm(c - b))
         branch = self._branch(a, b - a, length)
         missing = [self._missing(q) for q in branch.places]
-        most = int(np.argmax(missing))
-        if len(missing) < BETWEEN or not 0 < most < len(missing) - 1:
+        most, last = int(np.argmax(missing)), len(missing) - 1
+        usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, branch.places[-1]]))
+        if last + 1 < BETWEEN or not most:
             return None
+        if most == last:
+            nothing = np.zeros_like(a)
+            return SoftPlace(branch.places[-1], nothing, nothing, usual, True)
         best: list[Floats] = []
 
         def height(s: float) -> float:
@@ -197,16 +224,18 @@ class Walk:
 
         softest = lowest(height, branch.s[most - 1], branch.s[most + 1], _WIDTH * length)
         height(softest)
-        if not self._is_lost(best[0]):
-            return None
-        if self.widest(best[0]) <= _FELT * self.rounding:
-            return best[0]
         _, along, bend, _ = branch.at(softest)
-        along, bend = 0.5 * length * along, 0.25 * length**2 * bend
-        usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, branch.places[-1]]))
+        return SoftPlace(best[0], 0.5 * length * along, 0.25 * length**2 * bend, usual, False)
+
+    def _of_branches(self, soft: SoftPlace) -> Floats | None:
+        """The singular position at a place; None if there is none, or branches do not tell."""
+        if soft.ends or not self._is_lost(soft.q):
+            return None
         least, before = _FELT * self.rounding, math.inf
+        if self.widest(soft.q) <= least:
+            return soft.q
         for spacing in _SPACINGS:
-            place = self._on_branch(best[0], along, bend, spacing, usual)
+            place = self._on_branch(soft, spacing)
             if place is None:
                 continue
             # what interpolation leaves open changes with the spacing; a contradiction stays
@@ -228,17 +257,15 @@ class Walk:
             branch.follow(unit, length / _PARTS, _FURTHER * length, self._closed)
         return branch
 
-    def _on_branch(
-        self, q: Floats, along: Floats, bend: Floats, spacing: float, usual: float
-    ) -> Floats | None:
-        """The singular position near q (blocks D, m), on the branch that goes through it; None if
-        there is no such branch.
+    def _on_branch(self, soft: SoftPlace, spacing: float) -> Floats | None:
+        """The singular position near a place, on the branch that goes through it; None if there is
+        no such branch.
 
         Nothing tells at q itself how far off the branch it is: at x, an error of y leaves x y
         open. It is interpolated from places on either side, which contradictions put beside the
-        branch to opposite sides. `along`, `bend`: first and second derivative of a guess of the
-        branch, `spacing`: of the places, in parts of `along`; `usual` (m): how open they may be.
+        branch to opposite sides. `spacing`: of these, in parts of the first derivative.
         """
+        q, along, bend, usual, _ = soft
         to_derivatives = _DERIVATIVES / spacing ** np.arange(4.0)[:, None]
         cubic = np.zeros_like(q)
         for _ in range(_ROUNDS):  # a place far off its branch comes to lie elsewhere along it
@@ -258,8 +285,25 @@ class Walk:
         start, gap = self.settled(q), 0.0
         for self._step, count in ((0.03, 6), (_STEP, 3)) if nearby else ((_STEP, 48),):
             forth, back = (list(self._way(start, s * direction, count)) for s in (1.0, -1.0))
-            gap = max(gap, self.gap(self._singular([*reversed(back), start, *forth])))
+            for soft in self._soft([*reversed(back), start, *forth]):
+                gap = max(gap, self._missed_by(soft))
         return gap if gap > _FELT * self.rounding else 0.0
+
+    def _missed_by(self, soft: SoftPlace) -> float:
+        """By how much (m) lengths miss a singular position at a place where a mode is softest; 0
+        if that is no such position or is not known.
+
+        Branches that cross, x y = 0, become x y = e. There σ, about √(x² + y²), is √(2e) at least,
+        unless what the rows contradict is left open.
+        """
+        place = self._of_branches(soft)
+        if place is not None:
+            return self.widest(place)
+        sigma = float(distance(self._missing(soft.q, self._firm_model), _FIRM))
+        if not sigma < _NARROW * self.model.system.ordinary:
+            return 0.0
+        missed = max(0.5 * sigma**2 * self.model.size, self.widest(soft.q))
+        return missed if missed > _NARROWEST * self.model.size else 0.0
 
     def gaps(self, q: Floats) -> Floats:
         """By how much each row is open, m, in the order of `row_names`."""

@@ -18,15 +18,17 @@ from alf_ros.simulation.start import Start
 
 _LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
 _MEANT = 1e-3  # of the size: what misses a position by more is not why a step fails
+_ACROSS = 0.25  # of a step that leaps over a turn: steps that follow it are shorter
+_PLAIN = 1e-6  # of the size: lengths that differ by more are followed to the other branch
 _BESIDE = 5e-3  # distance to a singular position that stages take for near at all speeds
 
 
 class MissedPositions:
-    """Singular positions that motions from `start` miss. `leaps`: fixed steps, which may leap over
-    a position to which no stage comes near."""
+    """Singular positions that motions from `start` miss. `tolerance`: of adaptive steps; 0 of
+    fixed ones, which may leap over a position to which no stage comes near."""
 
-    def __init__(self, start: Start, leaps: bool) -> None:
-        self._start, self._model, self._leaps = start, start.model, leaps
+    def __init__(self, start: Start, tolerance: float) -> None:
+        self._start, self._model, self._tolerance = start, start.model, tolerance
 
     @cached_property
     def _freed(self) -> tuple[Model, Floats, int]:
@@ -75,13 +77,12 @@ class MissedPositions:
         if not 0.0 < gap <= _MEANT * self._model.size:
             return self._beside(q)
         remedy = 'take a smaller step, or ' + (
-            'an adaptive integrator' if self._leaps else 'ask for a smaller tolerance'
+            'ask for a smaller tolerance' if self._tolerance else 'an adaptive integrator'
         )
         if self.reason == LENGTHS:
-            remedy = (
-                'make the lengths agree, or let them differ by more than 1e-6 of the size; or '
-                'take a smaller step'
-            )
+            plainly = f'let them differ by more than {_PLAIN:g} of the size; or '
+            plainly = plainly if gap < _PLAIN * self._model.size else ''
+            remedy = f'make the lengths agree, or {plainly}take a smaller step'
         verb = 'miss' if self.reason == LENGTHS else 'misses'
         return f': {self.reason} {verb} a singular position by about {gap:.1g} m', remedy
 
@@ -100,19 +101,18 @@ class MissedPositions:
             'take a smaller step; a motion that stays beside a singular position is not computed',
         )
 
-    def resolution(
-        self,
-        judged: Judged,
-        told: float,
-        longest: float,
-    ) -> Resolution:
+    def resolution(self, judged: Judged, told: float, beside: float, leapt: float) -> Resolution:
         """The resolution of steps `judged` (its first six fields), of which stages found that a
-        position is missed by `told` (m), and which went at most `longest` (m) beside one."""
+        position is missed by `told` (m), which went at most `beside` (m) beside one, and at most
+        `leapt` (m) where one that leapt over it begins or ends."""
         gap, size, too_long = told, self._model.size, judged[4]
         if told > 0.0 and too_long and self._examined and not self.on_the_way > 0.0:
             gap = 0.0  # as in `explained`
-        if self._leaps and longest > 0.0 and not told > 0.0:
+        # shorter steps follow the turn within √(gap size) that strictly there is; to adaptive ones
+        # lengths that miss a position by less than the tolerance are the same
+        way = _ACROSS * leapt if self._tolerance else beside
+        if way > 0.0 and not told > 0.0:
             gap = self.on_the_way
-            # shorter steps follow the turn within √(gap size) that strictly there is
-            gap = gap if DRIFT * size < gap < longest**2 / size else 0.0
+            least = max(DRIFT, self._tolerance) * size
+            gap = gap if least < gap < way**2 / size else 0.0
         return Resolution(*judged, gap, self.reason, self._start.unexamined)

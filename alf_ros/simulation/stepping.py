@@ -44,6 +44,9 @@ from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
 from alf_ros.simulation.tangent_following import TangentFollowing
 
+# of a workspace, by a copy that continues to count and judge
+_REMEMBERED = 'evaluations', 'rounded', 'judged', 'crossing', 'trend', 'aside'
+
 
 class Stepper:
     """Takes the steps of a simulation.
@@ -68,7 +71,7 @@ class Stepper:
         self.method = method = solver.method
         self.iterations = 0  # most in one solve of the last call
         self.start, self.model = start, start.model
-        self.missed = MissedPositions(start, leaps=not method.embedded.size)
+        self.missed = MissedPositions(start, method.tolerance if method.embedded.size else 0.0)
         tableau, adaptive = TABLEAUX[solver.integrator], method.embedded.size > 0
         self.instruments = Instruments(self.model, ReactionsOf(self.model))
         # with nothing held
@@ -369,8 +372,8 @@ class Stepper:
         judged: Judged = self.h, math.nan, math.nan, math.nan, False, 1.0
         if self.method.estimate.size:
             judged = measured(self.h, self.work.judged, self.method.caution)
-        told, _, longest = self.work.crossing.tolist()
-        return partial(self.missed.resolution, judged, told, longest)
+        told, _, *ways = self.work.crossing.tolist()
+        return partial(self.missed.resolution, judged, told, *ways)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated, or at
@@ -385,19 +388,19 @@ class Stepper:
         """The run continues from another state: its steps are judged again."""
         self.work.judged[:] = 0.0
         self.work.crossing[:] = 0.0
+        self.work.trend[:] = 0.0
 
     @property
     def memory(self) -> dict[str, Any]:
         """Data of a copy that continues to count and judge."""
         work = self.work
-        names = ('evaluations', 'rounded', 'judged', 'crossing', 'aside')
-        counts = {name: getattr(work, name).copy() for name in names}
+        counts = {name: getattr(work, name).copy() for name in _REMEMBERED}
         counts['evaluations'][0], counts['rounded'][0] = self.evaluations, self.rounded
         return {**counts, 'iterations': self.iterations}
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Count and judge on from the memory of another."""
-        for name in ('evaluations', 'rounded', 'judged', 'crossing', 'aside'):
+        for name in _REMEMBERED:
             getattr(self.work, name)[:] = memory[name]
         self.iterations = memory['iterations']
 

@@ -167,6 +167,11 @@ def named(file: dict[str, Any], integrator: str, step: float, duration: float) -
     return float(found[1]) if found else 0.0
 
 
+def turned_by_a_motor(file: dict[str, Any], speed: float) -> dict[str, Any]:
+    motor = {'joint': 'pin', 'angle': f'{THETA} + {speed}*t'}
+    return {**file, 'initial': {}, 'drives': {'motor': motor}}
+
+
 @pytest.mark.parametrize('driven', [False, True])
 @pytest.mark.parametrize(('integrator', 'step'), [('rk4', 4e-3), ('dop853', 1e-2)])
 def test_steps_that_go_far_beside_it_do_not_leap_over_it_without_a_word(
@@ -176,16 +181,26 @@ def test_steps_that_go_far_beside_it_do_not_leap_over_it_without_a_word(
     for error in (0.0, 1e-10, 1e-9, 1e-8):
         file = crank(error, 30.0)
         if driven:
-            motor = {'joint': 'pin', 'angle': f'{THETA} + 30*t'}
-            file = {**file, 'initial': {}, 'drives': {'motor': motor}}
+            file = turned_by_a_motor(file, 30.0)
         for part in (0.9, 1.0, 1.1):
             found = named(file, integrator, part * step, 0.4)
             assert 0.2 * error <= found <= 5.0 * error
 
 
-def test_steps_of_members_do_not_leap_over_it_without_a_word() -> None:
-    settings: dict[str, Any] = {'step': 3.6e-3, 'integrator': 'rk4'}
-    scene = load_scene(crank(1e-9, 30.0))
+MEMBERS: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    (crank(1e-9, 30.0), {'step': 3.6e-3, 'integrator': 'rk4'}),
+    (
+        turned_by_a_motor(crank(1.8e-6), 14.57),
+        {'step': 2.6e-2, 'integrator': 'dop853_adaptive', 'tolerance': 6e-7},
+    ),
+]
+
+
+@pytest.mark.parametrize(('file', 'settings'), MEMBERS, ids=['fixed', 'adaptive'])
+def test_steps_of_members_do_not_leap_over_it_without_a_word(
+    file: dict[str, Any], settings: dict[str, Any]
+) -> None:
+    scene = load_scene(file)
     alone = Simulation(scene, **settings)
     alone.step(100)
     members = Ensemble(scene, 3, steps=50, **settings)
@@ -195,6 +210,38 @@ def test_steps_of_members_do_not_leap_over_it_without_a_word() -> None:
     assert 'lengths miss a singular position' in said
     assert members.trouble == dict.fromkeys(range(3), said)
     assert (members.simulation(1).sample().q == alone.sample().q).all()
+
+
+@pytest.mark.parametrize(
+    ('integrator', 'step', 'tolerance', 'error'),
+    [
+        ('esdirk43_adaptive', 1.6e-2, 7e-9, 6e-6),
+        ('esdirk43_adaptive', 2.6e-2, 2e-9, 1e-6),
+        ('dop853_adaptive', 2.6e-2, 6e-7, 2e-6),
+    ],
+)
+def test_adaptive_steps_that_only_a_motor_decides_do_not_leap_over_it_without_a_word(
+    integrator: str, step: float, tolerance: float, error: float
+) -> None:
+    """No error of a driven mechanism tells the two branches apart. In free motion it does."""
+    settings: dict[str, Any] = {'integrator': integrator, 'step': step, 'tolerance': tolerance}
+    straight = 0
+    for speed in np.linspace(3.0, 15.0, 13).tolist():
+        steps = int(2.0 / speed / step)
+        sim = Simulation(load_scene(turned_by_a_motor(crank(error), speed)), **settings)
+        sim.step(steps)
+        place, said = sim.sample().points, sim.sample().diagnostics.trouble
+        if place['B'][0] < place['A'][0]:
+            straight += 1
+            assert 'lengths miss a singular position' in said
+        exact = Simulation(load_scene(turned_by_a_motor(crank(0.0), speed)), **settings)
+        exact.step(steps)
+        assert exact.sample().diagnostics.trouble == ''
+        free = Simulation(load_scene(crank(error, speed)), **settings)
+        free.step(steps)
+        assert free.sample().points['B'][0] == pytest.approx(0.0, abs=0.01)  # turned off
+        assert free.sample().diagnostics.trouble == ''
+    assert straight > 0
 
 
 def test_what_no_stage_comes_near_to_is_named_where_it_fails() -> None:

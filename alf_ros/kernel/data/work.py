@@ -108,8 +108,9 @@ class Work(Struct):
     curve: Floats  # (movable D,) second derivative of the branch there, m/s²
     given: Floats  # (all blocks D,) Q at that stage
     nearest: Floats  # (1,) x of the stage nearest to a singular position; inf: none is near
-    crossing: Floats  # (3,) m, see `interpolated_stages`: most that was passed, and that is not;
-    # and the longest way of a step that had a stage near a singular position
+    crossing: Floats  # (4,) m, see `interpolated_stages`: most that was passed, and that is not;
+    # the longest way of a step beside a singular position, and of one that leapt over it
+    trend: Floats  # (2,) of the last step: det A at its end over det A where it began; its way, m
     sides: Floats  # (2,) `applied_forces.sides` where the step began, NaN: not yet known; and 1 if
     # it was another number at a stage, else 0
     place_step: Floats  # (1,) s between two support positions, for prescribed motions; 0 from rest

@@ -92,7 +92,7 @@ def _advance(
         if anywhere(good):
             good, most = lane_step(problem, phase, of, crew, progress, h, good)
             progress.most[0] = pick(good, max(most, progress.most[0]), progress.most[0])
-            accept_lanes(problem, phase, of, crew, good)
+            accept_lanes(problem, phase, of, crew, h, good)
             progress.index[0] += pick(good, 1.0, 0.0)
         leaving = live & unless(good)
         ordinary = (ordinary | good) & unless(leaving)

@@ -143,7 +143,7 @@ def _advance(
         leaving = live & unless(good)
         leaving = leaving | (refused & (factor * dt < SHORTEST * h))
         if anywhere(accepted):
-            accept_lanes(problem, phase, of, crew, accepted)
+            accept_lanes(problem, phase, of, crew, dt, accepted)
         evaluations += pick(begun, stages - 1.0, stages)
         rounded += pick(accepted & (error > 1.0), 1.0, 0.0)
         phase.pace[0] = pick(accepted, next_pace(pace, dt, factor), factor * dt)

@@ -17,16 +17,17 @@ from alf_ros.kernel.lanes.single_member import (
     take_phase,
 )
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.lost_rank import begin_with_det, note_det
+from alf_ros.kernel.lost_rank import begin_with_det, note_det, note_way
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, inner
 from alf_ros.kernel.numba_ext.lane_numbers import pick
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
-from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.numba_ext.vectors import copy, largest
 from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.status import OK
 from alf_ros.kernel.step import store_angles
 from alf_ros.kernel.unwrapping import count_turns, nearby
 
+Lanes = Any
 Mask = Any
 
 
@@ -68,9 +69,12 @@ def begin_group(problem: Problem, phase: Phase, of: Problem, crew: LaneCrew) -> 
 
 
 @inner
-def accept_lanes(problem: Problem, phase: Phase, of: Problem, crew: LaneCrew, good: Mask) -> None:
-    """Take the ends of the steps of the lanes where `good` holds as their new phases."""
+def accept_lanes(
+    problem: Problem, phase: Phase, of: Problem, crew: LaneCrew, h: Lanes, good: Mask
+) -> None:
+    """Take the ends of the steps of h (s) of the lanes where `good` holds as their new phases."""
     unit, system, work = problem.unit, problem.system, problem.work
+    note_way(work, h * largest(phase.qd, work.p.size), good)
     for i in range(phase.q.size):
         phase.q[i] = pick(good, work.q[i], phase.q[i])
         phase.qd[i] = pick(good, work.qd[i], phase.qd[i])

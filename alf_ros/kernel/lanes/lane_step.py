@@ -25,7 +25,7 @@ from alf_ros.kernel.lanes.lane_solve import (
 )
 from alf_ros.kernel.lanes.single_member import lane_drives, lane_forces
 from alf_ros.kernel.ldl import assemble, linearise, solve_on
-from alf_ros.kernel.lost_rank import fallen, note_det, passes_soon, rank_lost
+from alf_ros.kernel.lost_rank import fallen, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, ZERO, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy, put_sum
@@ -73,7 +73,6 @@ def lane_step(
         copy(work.qdd, work.pull)
     path_curvature(problem, good)
     good, rounds = stages_of(problem, phase, of, crew, progress, span, good, None)
-    good = good & unless(passes_soon(work))  # single members take note of it
     good = clear_of_kinks(problem, phase, of, crew, progress, begin, h, good)
     good = judge_lanes(problem.unit, problem.system, problem.method, work, h, good)
     return good, max(most, rounds)

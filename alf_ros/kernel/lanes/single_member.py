@@ -20,7 +20,7 @@ from alf_ros.kernel.data import Phase, Problem, Span, Work
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
 from alf_ros.kernel.fixed_steps import advance
 from alf_ros.kernel.numba_ext.calls import call, call_for_counts, entry
-from alf_ros.kernel.numba_ext.jit import ZERO, by_address, inner
+from alf_ros.kernel.numba_ext.jit import TWO, ZERO, by_address, inner
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
@@ -192,6 +192,9 @@ def give_phase(phase: Phase, work: Work, to: Phase, of: Problem, m: np.uint64) -
     put_lane(phase.within, to.within, np.uint64(1), m)
     put_lane(phase.pace, to.pace, np.uint64(1), m)
     put_lane(work.judged, of.work.judged, np.uint64(work.judged.size), m)
+    put_lane(work.trend, of.work.trend, np.uint64(work.trend.size), m)
+    for i in range(TWO, np.uint64(work.crossing.size)):
+        of.work.crossing[i] = lane(work.crossing, i, m)
     for i in range(ZERO, np.uint64(to.turns.size)):
         to.turns[i] = np.int64(lane(phase.turns, i, m))
 
@@ -205,6 +208,8 @@ def take_phase(phase: Phase, work: Work, of: Phase, member: Problem, m: np.uint6
     take_lane(of.within, phase.within, ZERO, np.uint64(1), m)
     take_lane(of.pace, phase.pace, ZERO, np.uint64(1), m)
     take_lane(member.work.judged, work.judged, ZERO, np.uint64(work.judged.size), m)
+    take_lane(member.work.trend, work.trend, ZERO, np.uint64(work.trend.size), m)
+    take_lane(member.work.crossing, work.crossing, TWO, np.uint64(work.crossing.size), m)
     for i in range(ZERO, np.uint64(of.turns.size)):
         set_lane(phase.turns, i, m, float(of.turns[i]))
 
