@@ -45,12 +45,8 @@ _FURTHER = 1.1  # times its length
 _WIDTH = 6e-11  # of that length, to which a singular position is found on it
 _NARROWEST = 5e-7  # of the size: a turn between branches that are further apart is clearly one
 _NARROW = 0.03  # of an ordinary σ: modes as soft as that are of lengths that nearly agree
-_SPACINGS = (
-    0.25,
-    0.1,
-    0.04,
-    0.016,
-)  # of places on either side of a singular position, of those on a way
+# of places on either side of a singular position, of those on a way
+_SPACINGS = 0.25, 0.1, 0.04, 0.016
 _OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _CLOSED = 256.0  # rounding units that these places may leave open
 _ROUNDS = 3  # of putting places on a branch
