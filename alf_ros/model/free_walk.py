@@ -37,6 +37,8 @@ _TURNS = 4  # of a step, at most
 _WAYS = 6  # at most; one freedom has two
 _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
 _LOST = 0.02  # of a mode: from there on a singular position may be near
+_HALVED = 4.0  # times more of a mode is lost where its σ is halved
+_FELT_THERE = 1e-3  # of a mode
 SEARCHED = 3000  # coordinates up to which singular positions are looked for
 _IN = 1e-2  # of a lost mode: σ below 1e-3
 _FIRM = 1e6  # penalty that tells a lost mode, of σ below 1e-4, from others that are always soft
@@ -191,7 +193,9 @@ class Walk:
         """The places between successive places of a way where a mode is softest."""
         missing = [self._missing(q) for q in way]
         for n in range(1, len(way) - 1):
-            if _LOST < missing[n] >= max(missing[n - 1], missing[n + 1]):
+            least, most = sorted((missing[n - 1], missing[n + 1]))
+            # beside a position that a long step leaps over, σ is halved at least
+            if most <= missing[n] > (_LOST if missing[n] < _HALVED * least else _FELT_THERE):
                 found = self._softest(way[n - 1 : n + 2])
                 if found is not None:
                     yield found
