@@ -40,6 +40,7 @@ _SAME = 1e-6  # of the size: where two ways of other steps end at one place
 _HALVED = 5  # times that the steps of a way may be
 _IN, _BESIDE = 1e-6, 1e-4  # σ of the position itself, and of what is better extrapolated
 _POINTS, _APART = 8, 0.25  # before a singular position, and how far apart, in such steps
+_STILL = 1e-9  # part of the speeds before, from which down a body held still holds all
 _LARGEST = 1e40  # number that is one, as in files
 _UNIT = 1e-2  # by which the length of a quaternion may differ from 1
 
@@ -94,11 +95,15 @@ def placed(
     if branch:
         q = located(model, q)
         return q, on_branch(q), turns
-    if distance(model, q, dependent) < _BESIDE:
-        led = _led_to(model, state, way, going)
-        if led is not None and np.abs(led[0] - q).max() <= _SAME * model.size:
-            return *led, turns
-    return q, going(q), turns
+    if distance(model, q, dependent) >= _BESIDE:
+        return q, going(q), turns
+    led = _led_to(model, state, way, going)
+    if led is None or np.abs(led[0] - q).max() > _SAME * model.size:
+        led = q, going(q)
+    q, qd = led
+    if not qd.any() and distance(model, q, dependent) <= _IN:
+        q = located(model, q)  # at rest nothing tells the branch but the place
+    return q, qd, turns
 
 
 def spin(d: Floats, rates: Floats) -> Floats:
@@ -332,6 +337,8 @@ def _set_going(
     D = model.layout.dimension
     given = _moving(model, q, body, speeds[:D], speeds[D:])
     qd = assembly.complete(model, q, given, t, state.qd, TOLERANCE, beside)
+    if not speeds.any() and np.abs(qd).max() <= _STILL * np.abs(state.qd).max():
+        return np.zeros_like(qd)  # what rounding leaves would be no rest
     # of the constraints nothing is left
     return assembly.complete(model, q, {}, t, qd, beside=beside)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import Work
@@ -13,8 +15,9 @@ from alf_ros.model.consistency import Adjustment, made_consistent
 from alf_ros.model.handedness import check_hands
 from alf_ros.model.penalty import LEAST_PENALTY, fitted
 from alf_ros.model.singular_branches import Position
-from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene, Solver
+
+_STANDS = 1e-9  # of the size: what goes no further in a step is at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +66,21 @@ def started(scene: Scene, solver: Solver) -> Start:
             error.message, file=scene.file, key=error.key, expected=error.expected
         ) from None
     model = at.model
-    if singular is not None and singular.branches and not (qd.any() or singular.is_driven):
-        # a start beside the position has a branch, which its place tells
-        directions = [branch.directions for branch in singular.branches]
-        model = model.departing(located(model, at.q), directions)
+    if (singular is not None or at.near) and not qd.any():
+        model = singular_start.departing(model, at.q, at.dependent_rows)
     return Start(model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment)
+
+
+def entered(start: Start, q: Floats, qd: Floats, t: float, h: float) -> Model:
+    """The model of a start for a run that is set to q (blocks D, m) and q̇ (m/s) at t (s), with
+    steps of h (s): at rest, up to rounding, in a singular position it knows how it may leave that
+    one, else the one of the start."""
+    model, dependent = start.model, start.dependent_rows
+    if h * np.abs(qd).max() > _STANDS * model.size or np.array_equal(q, start.q):
+        return model
+    if not ordinary_positions.within(model, q, dependent):
+        return model
+    return singular_start.departing(model, q, dependent, t)
 
 
 def assembled(scene: Scene, solver: Solver) -> Assembled:

@@ -86,6 +86,7 @@ class SteppedRun:
         return {
             'state': self.present.state(),
             'since': self.present.since,
+            'departures': self.present.model.system.departures,
             'within': self.present.phase.within.copy(),
             'steps': self.stepper.memory,
             'step_cost': self.step_cost,
@@ -95,7 +96,8 @@ class SteppedRun:
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Continue from the memory of another, in whose state this one begins."""
-        self.present = replace(self.present, since=memory['since'])
+        model = self._start.model.leaving(memory['departures'])
+        self.present = replace(self.present, model=model, since=memory['since'])
         self.present.phase.within[:] = memory['within']
         self.stepper.recall(memory['steps'])
         self.step_cost = memory['step_cost']
@@ -187,7 +189,7 @@ class SteppedRun:
         stepper, tangents = self.stepper, self.tangents
         passes = self._watcher.passes if self._watcher else ()
         return Sample(
-            self._start.model,
+            self.present.model,
             self.applied,
             self._solver,
             t,

@@ -172,7 +172,8 @@ class Stepper:
         free, corners = self._free_of_jumps(0.0, first, n, self.h)
         if free == 0 < n:
             return Status.DRIVE_JUMPS
-        problem = self._problem(self.work, self._ending_at(corners, applied.assembled))
+        forces = self._ending_at(corners, applied.assembled)
+        problem = self._problem(self.work, present, forces)
         code = writing_down(self.model.layout.dimension, self.is_implicit)
         problem = self._accompanied(problem, code.address, record, np.zeros(0))
         span = Span(0.0, first, free, self.h)
@@ -214,7 +215,7 @@ class Stepper:
             return self._ended(result, present, free < n, first + free)
         within = first == 0 and start == 0.0 and self.begins_within(present)
         self.work.crossing[1] = 0.0
-        problem, span = self._problem(work, forces), Span(start, first, free, h)
+        problem, span = self._problem(work, present, forces), Span(start, first, free, h)
         if followed and self._following is not None:
             problem = self._followed(present, problem)
         if watch is not None:
@@ -266,6 +267,7 @@ class Stepper:
         of_run, acting = problem.work is self.work, self._following.places.acting(present.step)
         known = self._tangents.get(of_run)
         same = known is not None and known[0].forces is problem.forces
+        same = same and known[0].system is problem.system
         if known is None or not same or (known[2] != acting).any():
             if self._behind is None:
                 self._behind = self._allocated()
@@ -296,7 +298,7 @@ class Stepper:
 
     def problem_of(self, present: Present) -> Problem:
         """The problem of the steps from the present."""
-        return self._problem(self.work, present.applied.assembled)
+        return self._problem(self.work, present, present.applied.assembled)
 
     @property
     def may_jump(self) -> bool:
@@ -308,10 +310,14 @@ class Stepper:
         """Whether the method solves for its stages."""
         return self._kernel is kernel.advance_implicitly
 
-    def _problem(self, work: Work, forces: Forces) -> Problem:
-        """The problem of the kernel; replaced when held inputs change."""
+    def _problem(self, work: Work, present: Present, forces: Forces) -> Problem:
+        """The problem of the kernel; replaced when held inputs change, and where the run is set at
+        rest in another singular position."""
+        departures = present.model.system.departures
+        if self.system.departures is not departures:
+            self.system = changed(self.system, departures=departures)
         known = self._problems.get(work is self.work)
-        if known is None or known.forces is not forces:
+        if known is None or known.forces is not forces or known.system is not self.system:
             known = Problem(self.model.unit, self.system, forces, self.method, work)
             self._problems[work is self.work] = known
         return known
@@ -329,7 +335,7 @@ class Stepper:
     def sample(self, present: Present, step: int, state: State) -> Dynamics:
         """Of a state at a step, with all that acts at the present."""
         return Dynamics(
-            self.model,
+            present.model,
             present.applied,
             self.solver,
             step * self.h,

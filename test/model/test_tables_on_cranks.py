@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.soundness import examine
+from alf_ros.simulation.side_by_side import SideBySide
 from support.thorough import combined
 
 G, CRANK, TABLE = 9.81, 1.0, 2.0  # m/s^2; kg of a crank, and of the table
@@ -182,3 +185,59 @@ def test_a_force_that_begins_later_starts_it_as_from_the_start(name: str, integr
     np.testing.assert_allclose(begun[1], begun[0], atol=1e-8)
     np.testing.assert_allclose(ends[1].q, ends[0].q, atol=1e-10)
     np.testing.assert_allclose(ends[1].qd, ends[0].qd, atol=1e-8)
+
+
+# ----------------------------------------------------------------------------------------- placed
+
+
+def lifted(name: str) -> dict[str, Any]:
+    """The same scene, where the cranks stand at 0.4 rad."""
+    feet, length, _ = TABLES[name]
+    head = length * np.array([np.cos(0.4), np.sin(0.4)])
+    heads = {f'B{k}': [x + head[0], head[1]] for k, x in enumerate(feet)}
+    return {**flat(name), 'initial': {'positions': heads}}
+
+
+@pytest.mark.parametrize(('name', 'integrator'), combined(TABLES, INTEGRATORS))
+def test_it_falls_from_where_it_is_placed_flat(name: str, integrator: str) -> None:
+    """Branches were known where the scene starts only: accelerations were wrong or NaN without a
+    word, and runs ended."""
+    rate, length = pendulum(name)
+    simulation = Simulation(load_scene(lifted(name)), step=1e-3, integrator=integrator)
+    simulation.step(3)
+    for angle in (0.0, np.pi):
+        simulation.place('crank0', (0.0, 0.0, angle), (0.0, 0.0, 0.0))
+        assert not simulation.state.qd.any()
+        begun = simulation.sample()
+        np.testing.assert_allclose(begun.qdd, len(TABLES[name][0]) * [0.0, rate], atol=1e-6)
+        simulation.step(100)
+        theta = solve_ivp(
+            lambda t, y: (y[1], rate / length * np.cos(y[0])),
+            (0.0, 0.1),
+            (angle, 0.0),
+            'DOP853',
+            rtol=1e-12,
+            atol=1e-13,
+        ).y[0, -1]
+        ended = simulation.sample()
+        exact = length * np.array([np.cos(theta), np.sin(theta)])
+        np.testing.assert_allclose(ended.points['B0'], exact, atol=1e-8)
+        assert not ended.diagnostics.trouble
+
+
+def test_whoever_goes_on_from_a_flat_table_leaves_as_it_does() -> None:
+    """Copies, restored states, and members of lanes: bit for bit."""
+    scene = load_scene(lifted('three'))
+    placed = Simulation(scene, step=1e-3)
+    placed.place('crank0', (0.0, 0.0, np.pi), (0.0, 0.0, 0.0))
+    restored = Simulation(scene, step=1e-3)
+    restored.restore(placed.state)
+    every = [placed, restored, copy.copy(placed), pickle.loads(pickle.dumps(placed))]
+    begun = [each.sample().qdd for each in every]
+    together = [copy.copy(placed), Simulation(scene, step=1e-3)]
+    assert not SideBySide(together).step(50)
+    for each in every:
+        each.step(50)
+    for each, rates in zip([*every, together[0]], [*begun, begun[0]], strict=True):
+        np.testing.assert_array_equal(rates, begun[0])
+        np.testing.assert_array_equal(each.state.q, placed.state.q)
