@@ -83,24 +83,28 @@ def start(
     return next(iter(fitting.values())), here
 
 
-def departing(model: Model, q: Floats, dependent: int, t: float = 0.0) -> Model:
-    """The model at rest at q (blocks D, m) and t (s), in a singular position or hardly beside it,
-    knowing the branches on which it may leave that one. As it was where drives move it, and where
-    branches are not enumerated.
+def resting(model: Model, q: Floats, dependent: int, t: float = 0.0) -> Position | None:
+    """The singular position at rest in q (blocks D, m) at t (s), or hardly beside it; None if it
+    has too many freedoms to be examined, and where drives move.
 
     `dependent`: rows that depend on others in ordinary positions.
     """
     if _freedoms(model, q) > WIDE:
-        return model
+        return None
     # a place beside the position lies on a branch, and the position itself on all of them
-    there = located(model, q)
     try:
-        here = position(model, there, t)
-    except AssemblyError:  # no rest: drives move there
+        here = position(model, located(model, q), t)
+    except AssemblyError:  # no rest
+        return None
+    return None if here.is_driven or _is_ordinary(here, dependent) else here
+
+
+def departing(model: Model, here: Position | None) -> Model:
+    """The model at rest in a position, knowing the branches on which it may leave; as it was where
+    they are not enumerated."""
+    if here is None or not here.branches:
         return model
-    if _is_ordinary(here, dependent) or here.is_driven or not here.branches:
-        return model
-    return model.departing(there, [branch.directions for branch in here.branches])
+    return model.departing(here.q, [branch.directions for branch in here.branches])
 
 
 def _is_ordinary(here: Position, dependent: int) -> bool:

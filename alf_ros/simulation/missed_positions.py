@@ -97,9 +97,11 @@ class MissedPositions:
         judged: Judged,
         told: float,
         longest: float,
+        unexamined: str,
     ) -> Resolution:
         """The resolution of steps `judged` (its first six fields), of which stages found that a
-        position is missed by `told` (m), and which went at most `longest` (m) beside one."""
+        position is missed by `told` (m), and which went at most `longest` (m) beside one;
+        `unexamined` as of `Resolution`."""
         gap, size, too_long = told, self._model.size, judged[4]
         if told > 0.0 and too_long and self._examined and not self.on_the_way > 0.0:
             gap = 0.0  # as in `explained`
@@ -107,4 +109,4 @@ class MissedPositions:
             gap = self.on_the_way
             # shorter steps follow the turn within √(gap size) that strictly there is
             gap = gap if DRIFT * size < gap < longest**2 / size else 0.0
-        return Resolution(*judged, gap, self.reason, self._start.unexamined)
+        return Resolution(*judged, gap, self.reason, unexamined)

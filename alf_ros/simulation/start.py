@@ -54,6 +54,27 @@ class Assembled:
     adjustment: Adjustment | None
 
 
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A state at rest near a singular position, to which a run is set: q (blocks D, m) at t (s).
+    position: the singular one, to second order, if it was examined."""
+
+    q: Floats
+    t: float
+    position: Position | None
+
+    def unexamined(self, model: Model, Q: Floats) -> str:
+        """Why it is open how forces Q (blocks D, N) set it in motion, in words; empty if it is
+        not."""
+        here = self.position
+        try:
+            if here is not None:
+                here.departure(Q)
+        except AssemblyError as error:
+            return error.message
+        return singular_start.unexamined(model, self.q, here, Q)
+
+
 def started(scene: Scene, solver: Solver) -> Start:
     """The start of a scene for a solver. Raises AssemblyError, naming the file of the scene."""
     at = assembled(scene, solver)
@@ -67,20 +88,21 @@ def started(scene: Scene, solver: Solver) -> Start:
         ) from None
     model = at.model
     if (singular is not None or at.near) and not qd.any():
-        model = singular_start.departing(model, at.q, at.dependent_rows)
+        here = singular_start.resting(model, at.q, at.dependent_rows)
+        model = singular_start.departing(model, here)
     return Start(model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment)
 
 
-def entered(start: Start, q: Floats, qd: Floats, t: float, h: float) -> Model:
-    """The model of a start for a run that is set to q (blocks D, m) and q̇ (m/s) at t (s), with
-    steps of h (s): at rest, up to rounding, in a singular position it knows how it may leave that
-    one, else the one of the start."""
+def rest_at(start: Start, q: Floats, qd: Floats, t: float, h: float) -> Rest | None:
+    """The rest at q (blocks D, m) and q̇ (m/s) at t (s), to which a run from a start is set; None
+    if it moves in steps of h (s), by more than rounding, if it is where the scene starts, and if
+    no singular position is near."""
     model, dependent = start.model, start.dependent_rows
     if h * np.abs(qd).max() > _STANDS * model.size or np.array_equal(q, start.q):
-        return model
+        return None
     if not ordinary_positions.within(model, q, dependent):
-        return model
-    return singular_start.departing(model, q, dependent, t)
+        return None
+    return Rest(q, t, singular_start.resting(model, q, dependent, t))
 
 
 def assembled(scene: Scene, solver: Solver) -> Assembled:

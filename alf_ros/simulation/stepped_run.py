@@ -45,6 +45,7 @@ class SteppedRun:
     ) -> None:
         self.stepper, self.tangents = stepper, tangents
         self.present = Present.at(start, state, stepper.applied, accounts, stepper.h)
+        stepper.begin(self.present)
         self.step_cost = math.nan
         self._start, self._solver = start, solver
         self._watcher: Watcher | None = None
@@ -66,7 +67,7 @@ class SteppedRun:
         """Continue from a usable state; uses the packed forces."""
         h = self.stepper.h
         present = Present.at(self._start, state, self.applied, self.present.accounts, h)
-        self.stepper.begin()
+        self.stepper.begin(present)
         if self.tangents is not None:
             self.tangents.restart(state.step * h)
         if self._watcher is not None:

@@ -67,6 +67,7 @@ class Stepper:
         self.h, self.solver = solver.step, solver
         self.method = method = solver.method
         self.iterations = 0  # most in one solve of the last call
+        self.unexamined = start.unexamined  # as of `Resolution`
         self.start, self.model = start, start.model
         self.missed = MissedPositions(start, leaps=not method.embedded.size)
         tableau, adaptive = TABLEAUX[solver.integrator], method.embedded.size > 0
@@ -254,9 +255,11 @@ class Stepper:
         return Status(result)
 
     def begins_within(self, present: Present) -> bool:
-        """Whether the scene starts in a singular position that solves do not show."""
+        """Whether it is where the scene starts, in a singular position that solves do not show."""
+        if not np.array_equal(present.phase.q, self.start.q):
+            return False
         if self.start.singular is not None and not present.phase.qd.any():
-            pull = self.start.singular.pull(self._forces_at_rest(present.applied))
+            pull = self.start.singular.pull(self._forces_at(present.applied, self.start.q))
             return bool(pull.any())
         return self.start.near and bool(self.start.qd.any())
 
@@ -266,8 +269,7 @@ class Stepper:
         assert self._following is not None
         of_run, acting = problem.work is self.work, self._following.places.acting(present.step)
         known = self._tangents.get(of_run)
-        same = known is not None and known[0].forces is problem.forces
-        same = same and known[0].system is problem.system
+        same = known is not None and _are_alike(known[0], problem)
         if known is None or not same or (known[2] != acting).any():
             if self._behind is None:
                 self._behind = self._allocated()
@@ -376,7 +378,7 @@ class Stepper:
         if self.method.estimate.size:
             judged = measured(self.h, self.work.judged, self.method.caution)
         told, _, longest = self.work.crossing.tolist()
-        return partial(self.missed.resolution, judged, told, longest)
+        return partial(self.missed.resolution, judged, told, longest, self.unexamined)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated, or at
@@ -387,10 +389,14 @@ class Stepper:
         """The same of the last step aside."""
         return self._aside is not None and bool(self._aside.aside.any())
 
-    def begin(self) -> None:
+    def begin(self, present: Present) -> None:
         """The run continues from another state: its steps are judged again."""
         self.work.judged[:] = 0.0
         self.work.crossing[:] = 0.0
+        self.unexamined, rest = self.start.unexamined, present.rest
+        if rest is not None and self.formulation is None:
+            Q = self._forces_at(present.applied, rest.q, rest.t)
+            self.unexamined = rest.unexamined(self.model, Q)
 
     @property
     def memory(self) -> dict[str, Any]:
@@ -399,13 +405,13 @@ class Stepper:
         names = ('evaluations', 'rounded', 'judged', 'crossing', 'aside')
         counts = {name: getattr(work, name).copy() for name in names}
         counts['evaluations'][0], counts['rounded'][0] = self.evaluations, self.rounded
-        return {**counts, 'iterations': self.iterations}
+        return {**counts, 'iterations': self.iterations, 'unexamined': self.unexamined}
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Count and judge on from the memory of another."""
         for name in ('evaluations', 'rounded', 'judged', 'crossing', 'aside'):
             getattr(self.work, name)[:] = memory[name]
-        self.iterations = memory['iterations']
+        self.iterations, self.unexamined = memory['iterations'], memory['unexamined']
 
     # -------------------------------------------------------------------------------------- rest
 
@@ -419,7 +425,7 @@ class Stepper:
         self.departure(applied)
         if not start.near or self.formulation is not None or start.qd.any():
             return ''
-        Q = self._forces_at_rest(applied)
+        Q = self._forces_at(applied, start.q)
         return singular_start.unexamined(start.model, start.q, start.singular, Q)
 
     def departure(self, applied: Applied) -> Branch | None:
@@ -428,14 +434,19 @@ class Stepper:
         start = self.start
         if start.singular is None or start.qd.any() or self.formulation is not None:
             return None
-        return start.singular.departure(self._forces_at_rest(applied))
+        return start.singular.departure(self._forces_at(applied, start.q))
 
-    def _forces_at_rest(self, applied: Applied) -> Floats:
-        """(blocks D,) N, at the start of the scene, with held inputs."""
-        q, qd, angles = self.start.q, self.start.qd, self.model.system.angles
+    def _forces_at(self, applied: Applied, q: Floats, t: float = 0.0) -> Floats:
+        """(blocks D,) N, at rest in q (blocks D, m) at t (s), with held inputs."""
+        qd, angles = np.zeros_like(q), self.model.system.angles
         Q, near = np.zeros_like(q), np.zeros(angles.c.size // 2)
         places, turns = np.zeros(angles.c.size), np.zeros(near.size, dtype=np.int64)
         kernel.violation(self.model.unit, angles, q, places)
         kernel.nearby(places, turns, near)
-        kernel.applied_forces(applied.assembled.effects, 0.0, q, qd, near, Q)
+        kernel.applied_forces(applied.assembled.effects, t, q, qd, near, Q)
         return Q
+
+
+def _are_alike(one: Problem, other: Problem) -> bool:
+    """Whether problems differ in their workspace only."""
+    return one.forces is other.forces and one.system is other.system
