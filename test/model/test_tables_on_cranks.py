@@ -244,3 +244,21 @@ def test_whoever_goes_on_from_a_flat_table_leaves_as_it_does() -> None:
     for each, rates in zip([*every, together[0]], [*begun, begun[0]], strict=True):
         np.testing.assert_array_equal(rates, begun[0])
         np.testing.assert_array_equal(each.state.q, placed.state.q)
+
+
+def test_a_crank_that_is_stopped_where_it_lies_flat_stops_all() -> None:
+    """Rows let the table turn there, but no motion begins so: it kept a velocity along no branch,
+    and the run ended."""
+    scene = {**flat('three'), 'initial': {'velocities': {'B0': [0.0, 1.0]}}}
+    simulation = Simulation(load_scene(scene), step=1e-3)
+    simulation.place('crank0', None, (0.0, 0.0, 0.0))
+    assert not simulation.state.qd.any()
+    simulation.place('crank0', None, (0.0, 0.0, 2.0))
+    np.testing.assert_allclose(simulation.sample().qd, 3 * [0.0, 2.0], atol=1e-12)
+    simulation.step(20)
+    with pytest.raises(AssemblyError, match='cannot move like that'):
+        simulation.place('table', None, (0.0, 0.0, 1.0))
+    simulation.reset()
+    with pytest.raises(AssemblyError, match=r'fit no branch.*B0: \[0, '):
+        simulation.place('table', None, (0.0, 0.0, 1.0))
+    np.testing.assert_allclose(simulation.sample().qd, 3 * [0.0, 1.0], atol=1e-12)
