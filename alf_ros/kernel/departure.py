@@ -1,7 +1,7 @@
 """How a mechanism at rest in a singular position leaves it: on which branch, and which way.
 
-Its acceleration lacks the lost rows, so it belongs to no branch. The branches of a start are known
-(`System.departures`); elsewhere the nearest one is found by projection.
+Its acceleration lacks the lost rows, so it belongs to no branch. The branches are known where a
+run is set at rest (`System.departures`); elsewhere the nearest one is found by projection.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 
 SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
-_HERE = 1e-5  # part of the size: so near to the start its branches are those of a stage at rest
+_HERE = 1e-5  # part of the size: so near to a position its branches are those of a stage at rest
 _TURNS = 6  # chords, at most
 
 
@@ -60,7 +60,7 @@ def _along(ways: Departures, k: int, momenta: Floats) -> float:
 
 @inner
 def meets_all(problem: Problem, gone: float) -> bool:
-    """Whether a stage whose step has `gone` so far (m) lies on all branches of the start, or there
+    """Whether a stage whose step has `gone` so far (m) lies on all known branches, or there
     is one branch only: then it is on the one that is followed, which interpolation between wide
     places misses by an error. A start hardly beside the position lies on its own branch."""
     ways, work = problem.system.departures, problem.work

@@ -12,7 +12,7 @@ from alf_ros.kernel.interpolated_stages import evaluate_interpolated, evaluate_p
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled
-from alf_ros.kernel.numba_ext.vectors import copy, zero
+from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.step import curve_path, evaluate_first, scales_of
@@ -48,6 +48,8 @@ def find_places(problem: Problem, phase: Phase, t: float) -> bool:
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.p)  # (30), σ = 0
     s = np.uint64(0)
     apart = _APART * system.close * scales.radius
+    if not (system.prescribed.program.size or largest(phase.qd, work.p.size) > 0.0):
+        apart = 0.0  # the radius is not known from rest: as near as those of a stage
     count = evaluate_interpolated(problem, phase, t, s, apart, scales)
     return count > 0 and work.places[0] < np.inf
 

@@ -145,6 +145,12 @@ class Model:
             branch=np.repeat(np.arange(len(branches)), [len(each) for each in branches]),
             directions=np.concatenate([each[:, : self.n].ravel() for each in branches]),
         )
+        return self.leaving(departures)
+
+    def leaving(self, departures: Departures) -> Model:
+        """The same, with these ways to leave a singular position."""
+        if departures is self.system.departures:
+            return self
         return replace(self, system=changed(self.system, departures=departures))
 
     def with_penalty(self, penalty: float) -> Model:

@@ -27,6 +27,7 @@ from alf_ros.model.singular_branches import (
     position,
     straight,
 )
+from alf_ros.model.singular_location import located
 
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
 _NOT_ENUMERATED = (
@@ -61,7 +62,7 @@ def start(
     if near and _freedoms(model, q) > WIDE:
         return _start_of_many(model, q, given, t), None
     here = position(model, q, t) if near or (dependent and _is_tight(model, q, t)) else None
-    if here is None or (len(here.lost) <= dependent and here.kind == SMOOTH):
+    if here is None or _is_ordinary(here, dependent):
         return assembly.complete(model, q, given, t, beside=True), None
     moving = any(value for values in given.values() for value in values)
     if not moving and not here.is_driven:
@@ -80,6 +81,35 @@ def start(
     if len(fitting) != 1:
         _refuse(here, given, fitting)
     return next(iter(fitting.values())), here
+
+
+def resting(model: Model, q: Floats, dependent: int, t: float = 0.0) -> Position | None:
+    """The singular position at rest in q (blocks D, m) at t (s), or hardly beside it; None if it
+    has too many freedoms to be examined, and where drives move.
+
+    `dependent`: rows that depend on others in ordinary positions.
+    """
+    if _freedoms(model, q) > WIDE:
+        return None
+    # a place beside the position lies on a branch, and the position itself on all of them
+    try:
+        here = position(model, located(model, q), t)
+    except AssemblyError:  # no rest
+        return None
+    return None if here.is_driven or _is_ordinary(here, dependent) else here
+
+
+def departing(model: Model, here: Position | None) -> Model:
+    """The model at rest in a position, knowing the branches on which it may leave; as it was where
+    they are not enumerated."""
+    if here is None or not here.branches:
+        return model
+    return model.departing(here.q, [branch.directions for branch in here.branches])
+
+
+def _is_ordinary(here: Position, dependent: int) -> bool:
+    """Whether no more rows depend on others than elsewhere, and rule nothing out."""
+    return len(here.lost) <= dependent and here.kind == SMOOTH
 
 
 def _start_on(

@@ -17,6 +17,7 @@ from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import effective_rank
 from alf_ros.model.softest_modes import found
+from alf_ros.model.struct_memory import changed
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Part
 from alf_ros.simulation.instruments import Instruments, Lent, Workspace
@@ -151,7 +152,8 @@ class Dynamics(Kinematics):
             state.loads,
             sums=sums_of(self.model, state),
         )
-        model = replace(self.model, system=problem.system)
+        departures = self.model.system.departures
+        model = replace(self.model, system=changed(problem.system, departures=departures))
         return limits(model, problem.forces, problem.method, phase, self._near, self.t)
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:

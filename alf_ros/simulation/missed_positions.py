@@ -101,10 +101,13 @@ class MissedPositions:
             'take a smaller step; a motion that stays beside a singular position is not computed',
         )
 
-    def resolution(self, judged: Judged, told: float, beside: float, leapt: float) -> Resolution:
+    def resolution(
+        self, judged: Judged, told: float, beside: float, leapt: float, unexamined: str
+    ) -> Resolution:
         """The resolution of steps `judged` (its first six fields), of which stages found that a
         position is missed by `told` (m), which went at most `beside` (m) beside one, and at most
-        `leapt` (m) where one that leapt over it begins or ends."""
+        `leapt` (m) where one that leapt over it begins or ends; `unexamined` as of
+        `Resolution`."""
         gap, size, too_long = told, self._model.size, judged[4]
         if told > 0.0 and too_long and self._examined and not self.on_the_way > 0.0:
             gap = 0.0  # as in `explained`
@@ -115,4 +118,4 @@ class MissedPositions:
             gap = self.on_the_way
             least = max(DRIFT, self._tolerance) * size
             gap = gap if least < gap < way**2 / size else 0.0
-        return Resolution(*judged, gap, self.reason, self._start.unexamined)
+        return Resolution(*judged, gap, self.reason, unexamined)

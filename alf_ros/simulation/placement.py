@@ -25,6 +25,7 @@ from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.singular_location import located
 from alf_ros.model.singular_start import distance
 from alf_ros.simulation.branch_velocities import on_branch as velocities_on
+from alf_ros.simulation.branch_velocities import on_nearest_branch
 from alf_ros.simulation.input_checks import numbers, text
 from alf_ros.simulation.state import State
 
@@ -40,6 +41,7 @@ _SAME = 1e-6  # of the size: where two ways of other steps end at one place
 _HALVED = 5  # times that the steps of a way may be
 _IN, _BESIDE = 1e-6, 1e-4  # σ of the position itself, and of what is better extrapolated
 _POINTS, _APART = 8, 0.25  # before a singular position, and how far apart, in such steps
+_STILL = 1e-9  # part of the speeds before, from which down a body held still holds all
 _LARGEST = 1e40  # number that is one, as in files
 _UNIT = 1e-2  # by which the length of a quaternion may differ from 1
 
@@ -68,24 +70,30 @@ def placed(
     if text(body, 'body') not in layout.body:
         raise InputError('unknown body', key='body', value=body, choices=model.body_names)
     one, wanted = layout.body[body], None if pose is None else _frame(layout, body, pose)
-    speeds = None
+    speeds, D = None, layout.dimension
     if twist is not None:
-        speeds = np.array(numbers(twist, 'twist', (3, 6)[layout.dimension - 2], _LARGEST))
+        speeds = np.array(numbers(twist, 'twist', (3, 6)[D - 2], _LARGEST))
+
+    def given(q: Floats) -> assembly.Given | None:
+        return None if speeds is None else _moving(model, q, one, speeds[:D], speeds[D:])
 
     def on_branch(q: Floats) -> Floats:
-        given, D = None, layout.dimension
-        if speeds is not None:
-            given = _moving(model, q, one, speeds[:D], speeds[D:])
-        return velocities_on(model, q, t, dependent, branch or 1, given, state.qd)
+        return velocities_on(model, q, t, dependent, branch or 1, given(q), state.qd)
 
     def going(q: Floats) -> Floats:
+        beside, qd = distance(model, q, dependent) > _IN, None
         try:
-            beside = distance(model, q, dependent) > _IN
-            if speeds is None:
-                return _going_on(model, state, t, q, one, beside)
-            return _set_going(model, state, t, q, one, speeds, beside)
+            if not beside:  # what the rows leave free there need not begin a motion
+                qd = on_nearest_branch(model, q, t, dependent, given(q), state.qd, TOLERANCE)
+            if qd is None:
+                of = model, state, t, q, one
+                qd = _going_on(*of, beside) if speeds is None else _set_going(*of, speeds, beside)
         except AssemblyError as error:
             raise AssemblyError(f'{body} cannot move like that: {error.message}') from None
+        held = speeds is not None and not speeds.any()
+        if held and np.abs(qd).max() <= _STILL * np.abs(state.qd).max():
+            return np.zeros_like(qd)  # what rounding leaves would be no rest
+        return qd
 
     if wanted is None:
         return state.q, on_branch(state.q) if branch else going(state.q), state.turns
@@ -94,11 +102,15 @@ def placed(
     if branch:
         q = located(model, q)
         return q, on_branch(q), turns
-    if distance(model, q, dependent) < _BESIDE:
-        led = _led_to(model, state, way, going)
-        if led is not None and np.abs(led[0] - q).max() <= _SAME * model.size:
-            return *led, turns
-    return q, going(q), turns
+    if distance(model, q, dependent) >= _BESIDE:
+        return q, going(q), turns
+    led = _led_to(model, state, way, going)
+    if led is None or np.abs(led[0] - q).max() > _SAME * model.size:
+        led = q, going(q)
+    q, qd = led
+    if not qd.any() and distance(model, q, dependent) <= _IN:
+        q = located(model, q)  # at rest nothing tells the branch but the place
+    return q, qd, turns
 
 
 def spin(d: Floats, rates: Floats) -> Floats:

@@ -9,10 +9,12 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Phase
+from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
+from alf_ros.model.singular_start import departing
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.integral_sums import sums_of
-from alf_ros.simulation.start import Start
+from alf_ros.simulation.start import Rest, Start, rest_at
 from alf_ros.simulation.state import State
 
 
@@ -24,9 +26,12 @@ class Present:
     steps, with the number of steps. Every other change of the run makes another `Present`, so that
     one assignment changes all of it: an exception, even from a signal, comes before or after.
     `since`: the step at which the run was set to a state, before the first it has made. `h`: the
-    length of a step, s.
+    length of a step, s. `rest`: where the run was set at rest near a singular position; `model`:
+    the mechanism, which knows how it may leave that, else where the scene starts.
     """
 
+    model: Model
+    rest: Rest | None
     phase: Phase
     carried: Floats
     applied: Applied
@@ -48,7 +53,9 @@ class Present:
         phase = _phase(state, accounts, applied.load_count, within)
         # a state may come from a log, which holds what moves freely
         prescribe(start.model.system, state.step * h, phase.q, phase.qd, np.zeros_like(phase.q))
-        return cls(phase, state.carried.copy(), applied, accounts, state.step, h)
+        rest = rest_at(start, phase.q, phase.qd, state.step * h, h)
+        model = start.model if rest is None else departing(start.model, rest.position)
+        return cls(model, rest, phase, state.carried.copy(), applied, accounts, state.step, h)
 
     def aside(self, state: State, within: Floats) -> Present:
         """Another one, at a state between two steps; `within` as in its phase."""

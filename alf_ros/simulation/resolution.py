@@ -33,8 +33,8 @@ class Resolution:
     measurement: with adaptive integrators, which keep a tolerance, and in formulations other than
     alf2. `caution`: by how much the estimates may be too small. `crossing` (m): by how much a
     singular position was missed that steps passed, at best as if they met it; `missed_by`: the
-    cause, `lengths` or, with several freedoms, `the motion`; `unexamined`: the part of the start
-    that was not examined, in words.
+    cause, `lengths` or, with several freedoms, `the motion`; `unexamined`: the part of the start,
+    or of the state at rest that was set last, that was not examined, in words.
     """
 
     step: float

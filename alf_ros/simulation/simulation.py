@@ -487,8 +487,9 @@ class Simulation:
         turns counted; velocities follow from an impulse on the body. Without a pose all places
         stay, without a twist the body keeps its own if possible. branch: in a singular position,
         the number of the branch on which the motion continues, as `branches` and `check` count
-        them; without a twist the velocities become the nearest ones of the branch. Raises
-        InputError, and changes nothing, for an impossible request.
+        them; without a twist the velocities become the nearest ones of the branch. Without a
+        number it is the branch on which velocities change least. Raises InputError, and changes
+        nothing, for an impossible request.
         """
         if self._following is not None:
             raise InputError('no tangents of a placed body', key='body', value=body)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import Work
@@ -13,8 +15,9 @@ from alf_ros.model.consistency import Adjustment, made_consistent
 from alf_ros.model.handedness import check_hands
 from alf_ros.model.penalty import LEAST_PENALTY, fitted
 from alf_ros.model.singular_branches import Position
-from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene, Solver
+
+_STANDS = 1e-9  # of the size: what goes no further in a step is at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,27 @@ class Assembled:
     adjustment: Adjustment | None
 
 
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A state at rest near a singular position, to which a run is set: q (blocks D, m) at t (s).
+    position: the singular one, to second order, if it was examined."""
+
+    q: Floats
+    t: float
+    position: Position | None
+
+    def unexamined(self, model: Model, Q: Floats) -> str:
+        """Why it is open how forces Q (blocks D, N) set it in motion, in words; empty if it is
+        not."""
+        here = self.position
+        try:
+            if here is not None:
+                here.departure(Q)
+        except AssemblyError as error:
+            return error.message
+        return singular_start.unexamined(model, self.q, here, Q)
+
+
 def started(scene: Scene, solver: Solver) -> Start:
     """The start of a scene for a solver. Raises AssemblyError, naming the file of the scene."""
     at = assembled(scene, solver)
@@ -63,11 +87,22 @@ def started(scene: Scene, solver: Solver) -> Start:
             error.message, file=scene.file, key=error.key, expected=error.expected
         ) from None
     model = at.model
-    if singular is not None and singular.branches and not (qd.any() or singular.is_driven):
-        # a start beside the position has a branch, which its place tells
-        directions = [branch.directions for branch in singular.branches]
-        model = model.departing(located(model, at.q), directions)
+    if (singular is not None or at.near) and not qd.any():
+        here = singular_start.resting(model, at.q, at.dependent_rows)
+        model = singular_start.departing(model, here)
     return Start(model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment)
+
+
+def rest_at(start: Start, q: Floats, qd: Floats, t: float, h: float) -> Rest | None:
+    """The rest at q (blocks D, m) and q̇ (m/s) at t (s), to which a run from a start is set; None
+    if it moves in steps of h (s), by more than rounding, if it is where the scene starts, and if
+    no singular position is near."""
+    model, dependent = start.model, start.dependent_rows
+    if h * np.abs(qd).max() > _STANDS * model.size or np.array_equal(q, start.q):
+        return None
+    if not ordinary_positions.within(model, q, dependent):
+        return None
+    return Rest(q, t, singular_start.resting(model, q, dependent, t))
 
 
 def assembled(scene: Scene, solver: Solver) -> Assembled:

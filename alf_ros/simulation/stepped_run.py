@@ -45,6 +45,7 @@ class SteppedRun:
     ) -> None:
         self.stepper, self.tangents = stepper, tangents
         self.present = Present.at(start, state, stepper.applied, accounts, stepper.h)
+        stepper.begin(self.present)
         self.step_cost = math.nan
         self._start, self._solver = start, solver
         self._watcher: Watcher | None = None
@@ -66,7 +67,7 @@ class SteppedRun:
         """Continue from a usable state; uses the packed forces."""
         h = self.stepper.h
         present = Present.at(self._start, state, self.applied, self.present.accounts, h)
-        self.stepper.begin()
+        self.stepper.begin(present)
         if self.tangents is not None:
             self.tangents.restart(state.step * h)
         if self._watcher is not None:
@@ -86,6 +87,7 @@ class SteppedRun:
         return {
             'state': self.present.state(),
             'since': self.present.since,
+            'departures': self.present.model.system.departures,
             'within': self.present.phase.within.copy(),
             'steps': self.stepper.memory,
             'step_cost': self.step_cost,
@@ -95,7 +97,8 @@ class SteppedRun:
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Continue from the memory of another, in whose state this one begins."""
-        self.present = replace(self.present, since=memory['since'])
+        model = self._start.model.leaving(memory['departures'])
+        self.present = replace(self.present, model=model, since=memory['since'])
         self.present.phase.within[:] = memory['within']
         self.stepper.recall(memory['steps'])
         self.step_cost = memory['step_cost']
@@ -187,7 +190,7 @@ class SteppedRun:
         stepper, tangents = self.stepper, self.tangents
         passes = self._watcher.passes if self._watcher else ()
         return Sample(
-            self._start.model,
+            self.present.model,
             self.applied,
             self._solver,
             t,

@@ -70,6 +70,7 @@ class Stepper:
         self.h, self.solver = solver.step, solver
         self.method = method = solver.method
         self.iterations = 0  # most in one solve of the last call
+        self.unexamined = start.unexamined  # as of `Resolution`
         self.start, self.model = start, start.model
         self.missed = MissedPositions(start, method.tolerance if method.embedded.size else 0.0)
         tableau, adaptive = TABLEAUX[solver.integrator], method.embedded.size > 0
@@ -175,7 +176,8 @@ class Stepper:
         free, corners = self._free_of_jumps(0.0, first, n, self.h)
         if free == 0 < n:
             return Status.DRIVE_JUMPS
-        problem = self._problem(self.work, self._ending_at(corners, applied.assembled))
+        forces = self._ending_at(corners, applied.assembled)
+        problem = self._problem(self.work, present, forces)
         code = writing_down(self.model.layout.dimension, self.is_implicit)
         problem = self._accompanied(problem, code.address, record, np.zeros(0))
         span = Span(0.0, first, free, self.h)
@@ -217,7 +219,7 @@ class Stepper:
             return self._ended(result, present, free < n, first + free)
         within = first == 0 and start == 0.0 and self.begins_within(present)
         self.work.crossing[1] = 0.0
-        problem, span = self._problem(work, forces), Span(start, first, free, h)
+        problem, span = self._problem(work, present, forces), Span(start, first, free, h)
         if followed and self._following is not None:
             problem = self._followed(present, problem)
         if watch is not None:
@@ -256,9 +258,11 @@ class Stepper:
         return Status(result)
 
     def begins_within(self, present: Present) -> bool:
-        """Whether the scene starts in a singular position that solves do not show."""
+        """Whether it is where the scene starts, in a singular position that solves do not show."""
+        if not np.array_equal(present.phase.q, self.start.q):
+            return False
         if self.start.singular is not None and not present.phase.qd.any():
-            pull = self.start.singular.pull(self._forces_at_rest(present.applied))
+            pull = self.start.singular.pull(self._forces_at(present.applied, self.start.q))
             return bool(pull.any())
         return self.start.near and bool(self.start.qd.any())
 
@@ -268,7 +272,7 @@ class Stepper:
         assert self._following is not None
         of_run, acting = problem.work is self.work, self._following.places.acting(present.step)
         known = self._tangents.get(of_run)
-        same = known is not None and known[0].forces is problem.forces
+        same = known is not None and _are_alike(known[0], problem)
         if known is None or not same or (known[2] != acting).any():
             if self._behind is None:
                 self._behind = self._allocated()
@@ -299,7 +303,7 @@ class Stepper:
 
     def problem_of(self, present: Present) -> Problem:
         """The problem of the steps from the present."""
-        return self._problem(self.work, present.applied.assembled)
+        return self._problem(self.work, present, present.applied.assembled)
 
     @property
     def may_jump(self) -> bool:
@@ -311,10 +315,14 @@ class Stepper:
         """Whether the method solves for its stages."""
         return self._kernel is kernel.advance_implicitly
 
-    def _problem(self, work: Work, forces: Forces) -> Problem:
-        """The problem of the kernel; replaced when held inputs change."""
+    def _problem(self, work: Work, present: Present, forces: Forces) -> Problem:
+        """The problem of the kernel; replaced when held inputs change, and where the run is set at
+        rest in another singular position."""
+        departures = present.model.system.departures
+        if self.system.departures is not departures:
+            self.system = changed(self.system, departures=departures)
         known = self._problems.get(work is self.work)
-        if known is None or known.forces is not forces:
+        if known is None or known.forces is not forces or known.system is not self.system:
             known = Problem(self.model.unit, self.system, forces, self.method, work)
             self._problems[work is self.work] = known
         return known
@@ -332,7 +340,7 @@ class Stepper:
     def sample(self, present: Present, step: int, state: State) -> Dynamics:
         """Of a state at a step, with all that acts at the present."""
         return Dynamics(
-            self.model,
+            present.model,
             present.applied,
             self.solver,
             step * self.h,
@@ -373,7 +381,7 @@ class Stepper:
         if self.method.estimate.size:
             judged = measured(self.h, self.work.judged, self.method.caution)
         told, _, *ways = self.work.crossing.tolist()
-        return partial(self.missed.resolution, judged, told, *ways)
+        return partial(self.missed.resolution, judged, told, *ways, self.unexamined)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated, or at
@@ -384,11 +392,15 @@ class Stepper:
         """The same of the last step aside."""
         return self._aside is not None and bool(self._aside.aside.any())
 
-    def begin(self) -> None:
+    def begin(self, present: Present) -> None:
         """The run continues from another state: its steps are judged again."""
         self.work.judged[:] = 0.0
         self.work.crossing[:] = 0.0
         self.work.trend[:] = 0.0
+        self.unexamined, rest = self.start.unexamined, present.rest
+        if rest is not None and self.formulation is None:
+            Q = self._forces_at(present.applied, rest.q, rest.t)
+            self.unexamined = rest.unexamined(self.model, Q)
 
     @property
     def memory(self) -> dict[str, Any]:
@@ -396,13 +408,13 @@ class Stepper:
         work = self.work
         counts = {name: getattr(work, name).copy() for name in _REMEMBERED}
         counts['evaluations'][0], counts['rounded'][0] = self.evaluations, self.rounded
-        return {**counts, 'iterations': self.iterations}
+        return {**counts, 'iterations': self.iterations, 'unexamined': self.unexamined}
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Count and judge on from the memory of another."""
         for name in _REMEMBERED:
             getattr(self.work, name)[:] = memory[name]
-        self.iterations = memory['iterations']
+        self.iterations, self.unexamined = memory['iterations'], memory['unexamined']
 
     # -------------------------------------------------------------------------------------- rest
 
@@ -416,7 +428,7 @@ class Stepper:
         self.departure(applied)
         if not start.near or self.formulation is not None or start.qd.any():
             return ''
-        Q = self._forces_at_rest(applied)
+        Q = self._forces_at(applied, start.q)
         return singular_start.unexamined(start.model, start.q, start.singular, Q)
 
     def departure(self, applied: Applied) -> Branch | None:
@@ -425,14 +437,19 @@ class Stepper:
         start = self.start
         if start.singular is None or start.qd.any() or self.formulation is not None:
             return None
-        return start.singular.departure(self._forces_at_rest(applied))
+        return start.singular.departure(self._forces_at(applied, start.q))
 
-    def _forces_at_rest(self, applied: Applied) -> Floats:
-        """(blocks D,) N, at the start of the scene, with held inputs."""
-        q, qd, angles = self.start.q, self.start.qd, self.model.system.angles
+    def _forces_at(self, applied: Applied, q: Floats, t: float = 0.0) -> Floats:
+        """(blocks D,) N, at rest in q (blocks D, m) at t (s), with held inputs."""
+        qd, angles = np.zeros_like(q), self.model.system.angles
         Q, near = np.zeros_like(q), np.zeros(angles.c.size // 2)
         places, turns = np.zeros(angles.c.size), np.zeros(near.size, dtype=np.int64)
         kernel.violation(self.model.unit, angles, q, places)
         kernel.nearby(places, turns, near)
-        kernel.applied_forces(applied.assembled.effects, 0.0, q, qd, near, Q)
+        kernel.applied_forces(applied.assembled.effects, t, q, qd, near, Q)
         return Q
+
+
+def _are_alike(one: Problem, other: Problem) -> bool:
+    """Whether problems differ in their workspace only."""
+    return one.forces is other.forces and one.system is other.system

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.soundness import examine
+from alf_ros.simulation.side_by_side import SideBySide
 from support.thorough import combined
 
 G, CRANK, TABLE = 9.81, 1.0, 2.0  # m/s^2; kg of a crank, and of the table
@@ -22,6 +25,7 @@ TABLES = {  # where the cranks turn, m; their length, m; and the mass centre of 
     'four': ([0.0, 1.0, 2.3, 3.0], 1.0, 0.5),
     'two of six side by side': ([0.0, 0.045, 0.28, 0.51, 1.33, 1.97], 1.2, 1.5),
 }
+SHORT = {'five on short cranks': ([0.0, 0.9, 1.5, 2.3, 2.9], 0.5, 0.5)}
 INTEGRATORS = 'rk4', 'dop853', 'dop853_adaptive', 'esdirk43'
 
 
@@ -31,7 +35,7 @@ def pin(one: str, other: str, at: str) -> dict[str, Any]:
 
 def flat(name: str) -> dict[str, Any]:
     """The scene: all cranks point along x, and nothing moves yet."""
-    feet, length, com = TABLES[name]
+    feet, length, com = (TABLES | SHORT)[name]
     points: dict[str, Any] = {}
     joints: dict[str, Any] = {}
     bodies: dict[str, Any] = {}
@@ -53,7 +57,7 @@ def flat(name: str) -> dict[str, Any]:
 
 def pendulum(name: str) -> tuple[float, float]:
     """q̈ of the flat table, m/s^2, and its length, m: it moves without turning, as a pendulum."""
-    feet, length, _ = TABLES[name]
+    feet, length, _ = (TABLES | SHORT)[name]
     n = len(feet)
     return -G * (n * CRANK / 2.0 + TABLE) / (n * CRANK / 3.0 + TABLE), length
 
@@ -78,12 +82,13 @@ def test_it_falls_from_rest_as_the_pendulum_that_it_is(name: str, integrator: st
     assert not ended.diagnostics.trouble
 
 
-@pytest.mark.parametrize('name', TABLES)
+@pytest.mark.parametrize('name', [*TABLES, *SHORT])
 def test_a_sample_at_rest_tells_how_it_leaves(name: str) -> None:
-    """It had accelerations of zero, or of a table that turns, and reactions that fit neither."""
+    """It had accelerations of zero, or of a table that turns, and reactions that fit neither; or
+    none, where places of a sample lay too wide apart for short cranks."""
     rate, _ = pendulum(name)
     sample = Simulation(load_scene(flat(name))).sample()
-    count = len(TABLES[name][0])
+    count = len((TABLES | SHORT)[name][0])
     for k in range(count):
         np.testing.assert_allclose(sample.qdd[2 * k : 2 * k + 2], [0.0, rate], atol=1e-6)
     feet = [sample.reactions[f'foot{k}'].force[1] for k in range(count)]
@@ -182,3 +187,78 @@ def test_a_force_that_begins_later_starts_it_as_from_the_start(name: str, integr
     np.testing.assert_allclose(begun[1], begun[0], atol=1e-8)
     np.testing.assert_allclose(ends[1].q, ends[0].q, atol=1e-10)
     np.testing.assert_allclose(ends[1].qd, ends[0].qd, atol=1e-8)
+
+
+# ----------------------------------------------------------------------------------------- placed
+
+
+def lifted(name: str) -> dict[str, Any]:
+    """The same scene, where the cranks stand at 0.4 rad."""
+    feet, length, _ = TABLES[name]
+    head = length * np.array([np.cos(0.4), np.sin(0.4)])
+    heads = {f'B{k}': [x + head[0], head[1]] for k, x in enumerate(feet)}
+    return {**flat(name), 'initial': {'positions': heads}}
+
+
+@pytest.mark.parametrize(('name', 'integrator'), combined(TABLES, INTEGRATORS))
+def test_it_falls_from_where_it_is_placed_flat(name: str, integrator: str) -> None:
+    """Branches were known where the scene starts only: accelerations were wrong or NaN without a
+    word, and runs ended."""
+    rate, length = pendulum(name)
+    simulation = Simulation(load_scene(lifted(name)), step=1e-3, integrator=integrator)
+    simulation.step(3)
+    for angle in (0.0, np.pi):
+        simulation.place('crank0', (0.0, 0.0, angle), (0.0, 0.0, 0.0))
+        assert not simulation.state.qd.any()
+        begun = simulation.sample()
+        np.testing.assert_allclose(begun.qdd, len(TABLES[name][0]) * [0.0, rate], atol=1e-6)
+        simulation.step(100)
+        theta = solve_ivp(
+            lambda t, y: (y[1], rate / length * np.cos(y[0])),
+            (0.0, 0.1),
+            (angle, 0.0),
+            'DOP853',
+            rtol=1e-12,
+            atol=1e-13,
+        ).y[0, -1]
+        ended = simulation.sample()
+        exact = length * np.array([np.cos(theta), np.sin(theta)])
+        np.testing.assert_allclose(ended.points['B0'], exact, atol=1e-8)
+        assert not ended.diagnostics.trouble
+
+
+def test_whoever_goes_on_from_a_flat_table_leaves_as_it_does() -> None:
+    """Copies, restored states, and members of lanes: bit for bit."""
+    scene = load_scene(lifted('three'))
+    placed = Simulation(scene, step=1e-3)
+    placed.place('crank0', (0.0, 0.0, np.pi), (0.0, 0.0, 0.0))
+    restored = Simulation(scene, step=1e-3)
+    restored.restore(placed.state)
+    every = [placed, restored, copy.copy(placed), pickle.loads(pickle.dumps(placed))]
+    begun = [each.sample().qdd for each in every]
+    np.testing.assert_allclose(begun[0], 3 * [0.0, pendulum('three')[0]], atol=1e-6)
+    together = [copy.copy(placed), Simulation(scene, step=1e-3)]
+    assert not SideBySide(together).step(50)
+    for each in every:
+        each.step(50)
+    for each, rates in zip([*every, together[0]], [*begun, begun[0]], strict=True):
+        np.testing.assert_array_equal(rates, begun[0])
+        np.testing.assert_array_equal(each.state.q, placed.state.q)
+
+
+def test_a_crank_that_is_stopped_where_it_lies_flat_stops_all() -> None:
+    """Rows let the table turn there, but no motion begins so: it kept a velocity along no branch,
+    and the run ended."""
+    scene = {**flat('three'), 'initial': {'velocities': {'B0': [0.0, 1.0]}}}
+    simulation = Simulation(load_scene(scene), step=1e-3)
+    simulation.place('crank0', None, (0.0, 0.0, 0.0))
+    assert not simulation.state.qd.any()
+    simulation.place('crank0', None, (0.0, 0.0, 2.0))
+    np.testing.assert_allclose(simulation.sample().qd, 3 * [0.0, 2.0], atol=1e-12)
+    simulation.step(20)
+    with pytest.raises(AssemblyError, match='cannot move like that'):
+        simulation.place('table', None, (0.0, 0.0, 1.0))
+    simulation.reset()
+    with pytest.raises(AssemblyError, match=r'fit no branch.*B0: \[0, '):
+        simulation.place('table', None, (0.0, 0.0, 1.0))
+    np.testing.assert_allclose(simulation.sample().qd, 3 * [0.0, 1.0], atol=1e-12)

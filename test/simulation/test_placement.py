@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -109,6 +110,20 @@ def test_a_run_from_a_singular_position_is_that_of_a_scene_that_starts_there(
         simulation.apply_effort('crank_pin', 1.0)
         simulation.step(300)
     assert placed.sample().q == pytest.approx(drawn.sample().q, abs=2e-12)
+
+
+def test_a_rest_that_two_branches_may_leave_is_told() -> None:
+    """As where a scene starts there, which is refused."""
+    wrench = {'one': {'on': 'A', 'force': [2, 0]}, 'two': {'on': 'B', 'force': [1, 0]}}
+    scene = {'mechanism': 'slider_crank', 'effects': {'constant_wrench': wrench}}
+    simulation = Simulation(load_scene(scene))
+    simulation.place('crank', (0.0, 0.0, math.pi / 2), (0.0, 0.0, 0.0))
+    for each in (simulation, copy.copy(simulation)):
+        told = each.sample().diagnostics.trouble
+        assert told == each.resolution.unexamined
+        assert 'on two branches: the motion that begins is not unique' in told
+    simulation.place('crank', (0.0, 0.0, 0.5), (0.0, 0.0, 0.0))
+    assert not simulation.resolution.unexamined
 
 
 @pytest.mark.parametrize('rate', [None, 0.0, 2.0])

@@ -123,7 +123,7 @@ class Soft(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Departures(Struct):
-    """How a mechanism at rest may leave the singular position where it starts; else nothing."""
+    """How a mechanism may leave a singular position where it is set at rest; else nothing."""
 
     constant = common = True
 
