@@ -16,6 +16,7 @@ from alf_ros.kernel import CutWork, Phase, Work
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import effective_rank
+from alf_ros.model.singular_branches import position
 from alf_ros.model.softest_modes import found
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Part
@@ -152,7 +153,11 @@ class Dynamics(Kinematics):
             sums=sums_of(self.model, state),
         )
         model = replace(self.model, system=problem.system)
-        return limits(model, problem.forces, problem.method, phase, self._near, self.t)
+        found = limits(model, problem.forces, problem.method, phase, self._near, self.t)
+        if found is None or not self._lost:
+            return found
+        # what moves may not lead out of the position: then the places lack the lost rows too
+        return None if self._dependent(found.beside) > self._dependent_rows else found
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:
         """Something of the accelerated mechanism: its limit, in a singular position. Raises
@@ -166,7 +171,7 @@ class Dynamics(Kinematics):
             if not np.isfinite(found).all():  # in a singular position NaN says: indeterminate
                 reason = 'accelerations or reactions exceed the range of numbers'
                 raise StepError(reason, 'take smaller forces', self.t)
-            if self._leaves and self._within:  # on a branch that is not known
+            if self._within and self._branch_unknown:
                 return np.full_like(found, np.nan)
             return found
         limit, far = self._limits.of(shared), _ROUNDED * self.model.system.ordinary
@@ -223,6 +228,18 @@ class Dynamics(Kinematics):
         return not np.abs(work.qdd[:n]).max(initial=0.0) <= _BALANCED * free
 
     @property
+    def _branch_unknown(self) -> bool:
+        """Whether the acceleration, which lacks lost rows, is on no known branch: from rest, or
+        where a loop leaves its singular position from rest while other parts move."""
+        if not self._state.qd.any():
+            return self._leaves
+        if not self._lost:
+            return False
+        work = self._accelerated[0]
+        here = position(self.model, self._state.q, self.t)
+        return not here.may_continue(self._state.qd, work.qdd)
+
+    @property
     def _doubtful(self) -> bool:
         """Whether drives make rounding count: efforts are off by it over x⁴, x the distance to a
         singular position."""
@@ -276,7 +293,11 @@ class Dynamics(Kinematics):
     @property
     def _redundant(self) -> int:
         """How many constraint rows depend on the others here."""
-        return len(self.model.row_names) - round(self._effective_rank)
+        return self._dependent(self._linearised)
+
+    def _dependent(self, work: Work) -> int:
+        """The same at the place of a factor."""
+        return len(self.model.row_names) - round(effective_rank(self.model, work))
 
     @kept
     def _singular(self) -> bool:

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from alf_ros import Simulation, StepError
+from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.inspection.soundness import BAD
 from alf_ros.scene.scene import INTEGRATORS
@@ -111,6 +112,20 @@ def test_a_drive_that_accelerates_from_rest() -> None:
     said = refused(scene(drives=motor('pi/2 + t*t')))
     assert 'accelerate' in said and 'A: [-2, 0] with 1) B: [-4, 0], or 2) B: [0, 0]' in said
     assert not Simulation(scene(drives=motor('pi/2'))).state.qd[:4].any()
+
+
+@pytest.mark.parametrize('drive', ['joint', 'point'])
+def test_a_slider_that_is_accelerated_where_it_may_stay_for_ever(drive: str) -> None:
+    """With the slider on the pin of the crank, one row depends on the others wherever the crank
+    is. Accelerations were those without it, (-2, 6) m/s^2 instead of (3, 6), and no step ended."""
+    drives = {
+        'joint': {'joint': 'guide', 'length': '3*t*t'},
+        'point': {'point': 'B', 'at': ['3*t*t', None]},
+    }
+    said = refused(scene(effects={}, drives={'push': drives[drive]}))
+    assert said.startswith('drives: drives begin at rest') and 'not computed' in said
+    with_speed = {'push': {'joint': 'guide', 'length': '3*t'}}
+    assert velocities(Simulation(scene(drives=with_speed)))['A'] == pytest.approx([1.5, 0.0])
 
 
 def test_a_drive_that_asks_for_what_rows_have_lost() -> None:
@@ -234,3 +249,29 @@ def test_forces_that_act_alike_on_two_branches_are_refused() -> None:
     simulation = Simulation(scene(effects=effects))
     simulation.step(100)
     assert simulation.sample().points['B'] == pytest.approx([0, 0], abs=1e-9)
+
+
+PENDULUM = {
+    'points': {'P': {'at': [5, 0], 'fixed': True}, 'T': {'at': [6, 0]}},
+    'bodies': {'bob': {'points': ['P', 'T'], 'mass': 1.0, 'inertia': 'rod'}},
+    'joints': {'pivot': {'type': 'revolute', 'between': ['ground', 'bob'], 'at': 'P'}},
+}
+
+
+@pytest.mark.parametrize('driven', [False, True])
+def test_a_loop_at_rest_in_its_position_while_another_part_moves(driven: bool) -> None:
+    """Gravity sets the flat four-bars in motion, but no velocity leads out of their position. The
+    accelerations were those without the lost rows, and reactions balanced them."""
+    source = yaml.safe_load(scene('double_four_bar', FLAT).text)
+    for section, entries in PENDULUM.items():
+        source['mechanism'][section].update(entries)
+    if driven:
+        source['drives'] = {'motor': {'joint': 'pivot', 'angle': '3*t'}}
+    else:
+        source['initial']['velocities'] = {'T': [0, 3], **{f'B{k}': [0, 0] for k in range(3)}}
+    sample = Simulation(load_scene(source)).sample()
+    assert sample.qd.any() and np.isnan(sample.qdd).all()
+    assert all(reaction.indeterminate for reaction in sample.reactions.values())
+    source['effects'] = {}  # then it stays where it is
+    sample = Simulation(load_scene(source)).sample()
+    assert sorted(sample.qdd) == pytest.approx([-9.0] + 7 * [0.0], abs=1e-12)
