@@ -31,6 +31,7 @@ from alf_ros.simulation.state import State
 # distances to a singular position: from which down efforts of drives are limits, and a pole is
 # lost in rounding
 _DOUBTFUL, _ROUNDED = 5e-3, 1e-6
+_NARROW = 0.25  # of the spacing of places, where values between wide ones are not determined
 _BALANCED = 1e-9  # of the acceleration without rows, from which down nothing moves
 
 
@@ -140,6 +141,15 @@ class Dynamics(Kinematics):
         """The support positions of limits, in a singular position or too near to one."""
         if (not self._within and not self._doubtful) or self._rests:
             return None
+        return self._places_around(1.0)
+
+    @kept
+    def _narrow_limits(self) -> Limits | None:
+        """The same nearer to it, where loops of other sizes turn less from place to place."""
+        return self._places_around(_NARROW)
+
+    def _places_around(self, part: float) -> Limits | None:
+        """Support positions a part of the usual way apart; None where they tell nothing."""
         state = self._state
         problem = self._workspace.problem(self._applied.assembled, self._solver)
         works = np.array(list(state.works.values()))
@@ -153,7 +163,7 @@ class Dynamics(Kinematics):
             sums=sums_of(self.model, state),
         )
         model = replace(self.model, system=problem.system)
-        found = limits(model, problem.forces, problem.method, phase, self._near, self.t)
+        found = limits(model, problem.forces, problem.method, phase, self._near, self.t, part)
         if found is None or not self._lost:
             return found
         # what moves may not lead out of the position: then the places lack the lost rows too
@@ -175,6 +185,8 @@ class Dynamics(Kinematics):
                 return np.full_like(found, np.nan)
             return found
         limit, far = self._limits.of(shared), _ROUNDED * self.model.system.ordinary
+        if np.isnan(limit).any() and self._narrow_limits is not None:
+            limit = np.where(np.isnan(limit), self._narrow_limits.of(shared), limit)
         if far < self._accelerated[2] < np.inf and not self._lost:  # a pole, beside it
             limit = np.where(np.isnan(limit), shared(Place(*self._accelerated[:2])), limit)
         return limit
