@@ -61,15 +61,13 @@ def start(
     if near and _freedoms(model, q) > WIDE:
         return _start_of_many(model, q, given, t), None
     here = position(model, q, t) if near or (dependent and _is_tight(model, q, t)) else None
-    moving = any(value for values in given.values() for value in values)
     if here is None or (len(here.lost) <= dependent and here.kind == SMOOTH):
-        if dependent and not moving:
-            _check_pushing_off(model, q, t)
         return assembly.complete(model, q, given, t, beside=True), None
-    if not moving and not here.drift.any():
-        _check_setting_off(here)
+    moving = any(value for values in given.values() for value in values)
     if not moving and not here.is_driven:
         return np.zeros_like(q), here
+    if not moving and not here.drift.any():
+        _check_setting_off(here)
     if not _freedoms_left(here, given):
         tolerance = 1e-9 + 100.0 * here.x
         qd = assembly.complete(model, q, given, t, None, tolerance, beside=True)
@@ -200,38 +198,19 @@ def _freedoms(model: Model, q: Floats) -> int:
 
 
 def _check_setting_off(here: Position) -> None:
-    """Raise AssemblyError if drives accelerate a mechanism from rest out of the position.
+    """Raise AssemblyError if drives start a mechanism from rest on more than one branch.
 
-    From rest q̈ takes the place of q̇: Φ⁗ = 0 is the condition for it, as Φ̈ = 0 is for q̇. If one
-    branch fulfils it, the motion is unique, but stages know the directions of velocities only.
+    From rest q̈ takes the place of q̇: Φ⁗ = 0 is the condition for it, as Φ̈ = 0 is for q̇.
     """
     qdd, _ = _accelerated(here.model, here.q, np.zeros_like(here.q), here.t)
-    if not qdd.any() or not here.can_begin(np.zeros_like(here.q)):
-        return
     going = replace(here, drift=qdd, pushed=np.zeros_like(here.pushed))
-    count = len(going.branches)
-    if count == 1 and going.can_begin(qdd):
-        return
-    where = f': {going.described()} m/s²' if count else ''
-    if count != 1:
-        _refuse_setting_off(f'the motion is not unique{where}')
-    _refuse_setting_off(f'how that motion begins is not computed{where}')
-
-
-def _check_pushing_off(model: Model, q: Floats, t: float) -> None:
-    """Raise AssemblyError if drives accelerate a mechanism from rest against rows that depend on
-    others wherever it may be while the drives stand still: these rows it leaves behind."""
-    qdd, _ = _accelerated(model, q, np.zeros_like(q), t)
-    if qdd.any() and _accelerated(model, q, qdd, t)[1] > _TYPED:
-        _refuse_setting_off('how that motion begins is not computed')
-
-
-def _refuse_setting_off(why: str) -> NoReturn:
-    raise AssemblyError(
-        f'drives begin at rest in a singular position, and accelerate: {why}; let them begin '
-        'with a speed, or elsewhere',
-        key='drives',
-    )
+    if here.can_begin(np.zeros_like(here.q)) and len(going.branches) != 1:
+        where = f': {going.described()} m/s²' if going.branches else ''
+        raise AssemblyError(
+            'drives begin at rest in a singular position, and accelerate: the motion that begins '
+            f'is not unique{where}; let them begin with a speed, or elsewhere',
+            key='drives',
+        )
 
 
 def _freedoms_left(here: Position, given: Given) -> int:

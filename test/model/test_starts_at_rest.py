@@ -115,20 +115,6 @@ def test_a_drive_that_accelerates_from_rest() -> None:
     assert not Simulation(scene(drives=motor('pi/2'))).state.qd[:4].any()
 
 
-@pytest.mark.parametrize('drive', ['joint', 'point'])
-def test_a_slider_that_is_accelerated_where_it_may_stay_for_ever(drive: str) -> None:
-    """With the slider on the pin of the crank, one row depends on the others wherever the crank
-    is. Accelerations were those without it, (-2, 6) m/s^2 instead of (3, 6), and no step ended."""
-    drives = {
-        'joint': {'joint': 'guide', 'length': '3*t*t'},
-        'point': {'point': 'B', 'at': ['3*t*t', None]},
-    }
-    said = refused(scene(effects={}, drives={'push': drives[drive]}))
-    assert said.startswith('drives: drives begin at rest') and 'not computed' in said
-    with_speed = {'push': {'joint': 'guide', 'length': '3*t'}}
-    assert velocities(Simulation(scene(drives=with_speed)))['A'] == pytest.approx([1.5, 0.0])
-
-
 def test_a_drive_that_asks_for_what_rows_have_lost() -> None:
     """Both rods in one line, away from the pin: there the slider can only come back."""
     positions = {'A': [1, 0], 'B': [2, 0]}
