@@ -23,8 +23,9 @@ _APART = 1.2
 
 
 @compiled
-def find_places(problem: Problem, phase: Phase, t: float) -> bool:
-    """Store the places around `phase`, and the forces that act there, in `work`.
+def find_places(problem: Problem, phase: Phase, t: float, part: float) -> bool:
+    """Store the places around `phase`, a `part` of the usual way apart, and the forces that act
+    there, in `work`.
 
     False where there are none: at a standstill without a direction, or where friction has no
     balance.
@@ -47,7 +48,7 @@ def find_places(problem: Problem, phase: Phase, t: float) -> bool:
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.p)  # (30), σ = 0
     s = np.uint64(0)
-    apart = _APART * system.close * scales.radius
+    apart = part * _APART * system.close * scales.radius
     if not (system.prescribed.program.size or largest(phase.qd, work.p.size) > 0.0):
         apart = 0.0  # the radius is not known from rest: as near as those of a stage
     count = evaluate_interpolated(problem, phase, t, s, apart, scales)

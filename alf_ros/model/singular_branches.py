@@ -115,6 +115,19 @@ class Position:
         """Whether a motion may begin with q̇ (blocks D, m/s), for which Φ_q q̇ + Φ_t = 0."""
         return self.miss(qd) <= _TYPED + 100.0 * self.x
 
+    def may_continue(self, qd: Floats, qdd: Floats) -> bool:
+        """Whether a motion that begins with q̇ (blocks D, m/s) may have q̈ (blocks D, m/s²), found
+        without the lost rows: nᵀ of the third and fourth derivative of Φ, as far as q̇ and q̈ tell.
+
+        Left null vectors whose condition is void ask for nothing.
+        """
+        felt = replace(self, lost=self.split()[0], pushed=np.zeros_like(self.pushed))
+        size = np.abs(qdd).max(initial=0.0)
+        if not len(felt.lost) or not size > 0.0:
+            return True
+        even = qdd * (np.abs(qd).max(initial=0.0) / size)  # as fast as q̇
+        return all(felt.can_begin(v) for v in (even, qd + even, qd - even))
+
     def pull(self, Q: Floats) -> Floats:
         """(freedoms,) what forces Q (blocks D, N) do to a mechanism at rest, along `free`; 0 if it
         is no more than where the position lies beside the singular one."""

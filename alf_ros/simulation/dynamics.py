@@ -16,6 +16,7 @@ from alf_ros.kernel import CutWork, Phase, Work
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import effective_rank
+from alf_ros.model.singular_branches import position
 from alf_ros.model.softest_modes import found
 from alf_ros.model.struct_memory import changed
 from alf_ros.scene.scene import Solver
@@ -31,6 +32,7 @@ from alf_ros.simulation.state import State
 # distances to a singular position: from which down efforts of drives are limits, and a pole is
 # lost in rounding
 _DOUBTFUL, _ROUNDED = 5e-3, 1e-6
+_NARROW = 0.25  # of the spacing of places, where values between wide ones are not determined
 _BALANCED = 1e-9  # of the acceleration without rows, from which down nothing moves
 
 
@@ -140,6 +142,15 @@ class Dynamics(Kinematics):
         """The support positions of limits, in a singular position or too near to one."""
         if (not self._within and not self._doubtful) or self._rests:
             return None
+        return self._places_around(1.0)
+
+    @kept
+    def _narrow_limits(self) -> Limits | None:
+        """The same nearer to it, where loops of other sizes turn less from place to place."""
+        return self._places_around(_NARROW)
+
+    def _places_around(self, part: float) -> Limits | None:
+        """Support positions a part of the usual way apart; None where they tell nothing."""
         state = self._state
         problem = self._workspace.problem(self._applied.assembled, self._solver)
         works = np.array(list(state.works.values()))
@@ -154,7 +165,11 @@ class Dynamics(Kinematics):
         )
         departures = self.model.system.departures
         model = replace(self.model, system=changed(problem.system, departures=departures))
-        return limits(model, problem.forces, problem.method, phase, self._near, self.t)
+        found = limits(model, problem.forces, problem.method, phase, self._near, self.t, part)
+        if found is None or not self._lost:
+            return found
+        # what moves may not lead out of the position: then the places lack the lost rows too
+        return None if self._dependent(found.beside) > self._dependent_rows else found
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:
         """Something of the accelerated mechanism: its limit, in a singular position. Raises
@@ -168,10 +183,12 @@ class Dynamics(Kinematics):
             if not np.isfinite(found).all():  # in a singular position NaN says: indeterminate
                 reason = 'accelerations or reactions exceed the range of numbers'
                 raise StepError(reason, 'take smaller forces', self.t)
-            if self._leaves and self._within:  # on a branch that is not known
+            if self._within and self._branch_unknown:
                 return np.full_like(found, np.nan)
             return found
         limit, far = self._limits.of(shared), _ROUNDED * self.model.system.ordinary
+        if np.isnan(limit).any() and self._narrow_limits is not None:
+            limit = np.where(np.isnan(limit), self._narrow_limits.of(shared), limit)
         if far < self._accelerated[2] < np.inf and not self._lost:  # a pole, beside it
             limit = np.where(np.isnan(limit), shared(Place(*self._accelerated[:2])), limit)
         return limit
@@ -223,6 +240,18 @@ class Dynamics(Kinematics):
         work, n = self._accelerated[0], self.model.n
         free = np.abs(work.Q[:n]).max(initial=0.0) / self.model.system.mean
         return not np.abs(work.qdd[:n]).max(initial=0.0) <= _BALANCED * free
+
+    @property
+    def _branch_unknown(self) -> bool:
+        """Whether the acceleration, which lacks lost rows, is on no known branch: from rest, or
+        where a loop leaves its singular position from rest while other parts move."""
+        if not self._state.qd.any():
+            return self._leaves
+        if not self._lost:
+            return False
+        work = self._accelerated[0]
+        here = position(self.model, self._state.q, self.t)
+        return not here.may_continue(self._state.qd, work.qdd)
 
     @property
     def _doubtful(self) -> bool:
@@ -278,7 +307,11 @@ class Dynamics(Kinematics):
     @property
     def _redundant(self) -> int:
         """How many constraint rows depend on the others here."""
-        return len(self.model.row_names) - round(self._effective_rank)
+        return self._dependent(self._linearised)
+
+    def _dependent(self, work: Work) -> int:
+        """The same at the place of a factor."""
+        return len(self.model.row_names) - round(effective_rank(self.model, work))
 
     @kept
     def _singular(self) -> bool:

@@ -418,6 +418,7 @@ class Sample(Dynamics):
         unknown: NDArray[np.bool_] = np.zeros((len(cut.model.joint_names), cut.components), bool)
         if self._limits is not None:  # of rows that depend on others also beside the position
             redundant, work = self._dependent_rows, self._limits.beside
+        if self._limits is not None or self._within:
             unknown = np.isnan(np.column_stack(self._wrenches))
         if redundant and shares is not None:
             with self._on_cut() as there:

@@ -62,17 +62,23 @@ class Limits:
 
 
 def limits(
-    model: Model, forces: Forces, method: Method, phase: Phase, near: Floats, t: float
+    model: Model,
+    forces: Forces,
+    method: Method,
+    phase: Phase,
+    near: Floats,
+    t: float,
+    part: float = 1.0,
 ) -> Limits | None:
     """Around a phase in a singular position, or closer to one than can be computed; None at a
     standstill, which tells no direction.
 
-    near: (angles,) rad, what effects unwrap angles by.
+    near: (angles,) rad, what effects unwrap angles by; `part` of the usual spacing of the places.
     """
     work = allocate(model, model.system, 1)
     work.near[:] = near
     problem = Problem(model.unit, model.system, forces, method, work)
-    if not find_places(problem, phase, t):
+    if not find_places(problem, phase, t, part):
         return None
     places = []
     for k in range(_OFFSETS.size):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from alf_ros import Simulation, StepError
+from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.inspection.soundness import BAD
 from alf_ros.scene.scene import INTEGRATORS
@@ -234,3 +236,44 @@ def test_forces_that_act_alike_on_two_branches_are_refused() -> None:
     simulation = Simulation(scene(effects=effects))
     simulation.step(100)
     assert simulation.sample().points['B'] == pytest.approx([0, 0], abs=1e-9)
+
+
+PENDULUM = {
+    'points': {'P': {'at': [5, 0], 'fixed': True}, 'T': {'at': [5.5, 0]}},
+    'bodies': {'bob': {'points': ['P', 'T'], 'mass': 1.0, 'inertia': 'rod'}},
+    'joints': {'pivot': {'type': 'revolute', 'between': ['ground', 'bob'], 'at': 'P'}},
+}
+
+
+def beside_a_pendulum() -> dict[str, Any]:
+    """The flat double four-bar, and a pendulum that is no part of it."""
+    source: dict[str, Any] = yaml.safe_load(scene('double_four_bar', FLAT).text)
+    for section, entries in PENDULUM.items():
+        source['mechanism'][section].update(entries)
+    return source
+
+
+def test_a_sample_at_rest_of_a_large_and_a_small_part() -> None:
+    """The pendulum turns so much from place to place that values between them were not determined:
+    its acceleration and the force in its pivot, both unique, were NaN."""
+    sample = Simulation(load_scene(beside_a_pendulum())).sample()
+    assert sorted(sample.qdd) == pytest.approx([-14.715] + 3 * [-11.445] + 4 * [0.0], abs=1e-4)
+    pivot = sample.reactions['pivot']
+    assert pivot.force == pytest.approx([0.0, 9.81 / 4], abs=1e-4) and not pivot.indeterminate
+
+
+@pytest.mark.parametrize('driven', [False, True])
+def test_a_loop_at_rest_in_its_position_while_another_part_moves(driven: bool) -> None:
+    """Gravity sets the flat four-bars in motion, but no velocity leads out of their position. The
+    accelerations were those without the lost rows, and reactions balanced them."""
+    source = beside_a_pendulum()
+    if driven:
+        source['drives'] = {'motor': {'joint': 'pivot', 'angle': '3*t'}}
+    else:
+        source['initial']['velocities'] = {'T': [0, 3], **{f'B{k}': [0, 0] for k in range(3)}}
+    sample = Simulation(load_scene(source)).sample()
+    assert sample.qd.any() and np.isnan(sample.qdd).all()
+    assert all(reaction.indeterminate for reaction in sample.reactions.values())
+    source['effects'] = {}  # then it stays where it is
+    sample = Simulation(load_scene(source)).sample()
+    assert sorted(sample.qdd) == pytest.approx([-4.5 if driven else -18.0] + 7 * [0.0], abs=1e-12)
