@@ -380,8 +380,9 @@ class Stepper:
         judged: Judged = self.h, math.nan, math.nan, math.nan, False, 1.0
         if self.method.estimate.size:
             judged = measured(self.h, self.work.judged, self.method.caution)
-        told, _, *ways = self.work.crossing.tolist()
-        return partial(self.missed.resolution, judged, told, *ways, self.unexamined)
+        told, _, beside, leapt = self.work.crossing.tolist()
+        resolution = self.missed.resolution
+        return partial(resolution, judged, told, beside, leapt, self.unexamined)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated, or at
