@@ -19,6 +19,7 @@ from alf_ros.model.constraints.carried_masses import are_small_and_light
 from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.dense_linearisation import Linearised, rank_of
 from alf_ros.model.null_spaces import free_directions
+from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import distance, effective_rank
 
 NEAR_BY = 4  # places that each search for an ordinary position examines
@@ -30,6 +31,7 @@ NEAR = 0.05  # of the size: how far away positions around one are
 _FIRMER = 4.0  # times this σ, that of an ordinary position somewhat further away
 RISING = 1.5  # times this σ, that of positions nearby: a soft mechanism is soft everywhere
 _FURTHER = 0.2  # of the size, or rad of a drive: how far away
+_INSTANTS = 1e-2, 0.1, 1.0, 10.0  # s
 _MOST = 600  # coordinates of a mechanism for which positions further away are examined
 
 
@@ -48,7 +50,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     ranks = _RanksBeside(model, work, q, close)
     narrow = min(model.size, _shortest(model))
     best = here = _rank(model, work, q)
-    places, closed = [q], 0
+    places, closed, stays = [q], 0, True  # whether drives stay in the places
     random.next()  # q itself is no step along the first one
     for turn in range(1, 12):
         if turn >= NEAR_BY and best == len(model.row_names):
@@ -68,7 +70,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
             continue
         closed += 1
         if rank > best:
-            best, places = rank, []
+            best, places, stays = rank, [], by == 0.0
         if rank == best:
             places.append(near)
     # many rows may be lost together, as where all cranks of a row lie flat: they are found again
@@ -86,7 +88,8 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
             best, places = rank, [near]
     if best > here:  # a loop of gears may depend on others only where they are in mesh
         best, places = _in_mesh(model, work, q, random) or (best, places)
-    if best > here:  # what is around may be a rigid assembly of a mechanism that moves
+    if best > here and (stays or not _moves(model, q)):
+        # what is around may be a rigid assembly of a mechanism that moves
         own = _on_the_way(model, work, q, here, close)
         best, places = (here, own) if own else (best, places)
     rank = max(best, 0)
@@ -248,6 +251,17 @@ def directions(n: int) -> Floats:
 def _shortest(model: Model) -> float:
     """The shortest distance that a row keeps, m."""
     return float(np.sqrt(model.system.rows.length2.min(initial=np.inf)))
+
+
+def _moves(model: Model, q: Floats) -> bool:
+    """Whether drives move a model, as far as some instants show."""
+    begun, moved, rates = np.array(q), np.array(q), np.zeros((2, q.size))
+    prescribe(model.system, 0.0, begun, *rates)
+    for t in _INSTANTS:
+        prescribe(model.system, t, moved, *rates)
+        if (moved != begun).any():
+            return True
+    return False
 
 
 def _displace(model: Model, q: Floats, by: float) -> None:

@@ -115,6 +115,21 @@ def test_a_drive_that_accelerates_from_rest() -> None:
     assert not Simulation(scene(drives=motor('pi/2'))).state.qd[:4].any()
 
 
+def test_a_slider_that_is_pushed_from_rest_below_an_upright_crank() -> None:
+    """Held there, the crank swings about the pin with the coupler on it, and one row depends on
+    others all the way. A drive that moves the slider makes that a singular position."""
+    effects = {'gravity': {'acceleration': [1.0, -9.81]}}
+    held = Simulation(scene(effects=effects, drives={'push': {'joint': 'guide', 'length': 0.0}}))
+    assert held.sample().qdd[:4] == pytest.approx([1.5, 0.0, 0.0, 0.0], abs=1e-9)
+    push = {'push': {'joint': 'guide', 'length': '3*t*t'}}
+    pushed = Simulation(scene(effects={}, drives=push))
+    sample = pushed.sample()
+    assert np.isnan(sample.qdd[:4]).all()  # A: [3, 0], which rows without the lost one do not tell
+    assert np.isnan(sample.drive_efforts['push']).all()
+    with pytest.raises(StepError, match='a singular position is near'):
+        pushed.step()
+
+
 def test_a_drive_that_asks_for_what_rows_have_lost() -> None:
     """Both rods in one line, away from the pin: there the slider can only come back."""
     positions = {'A': [1, 0], 'B': [2, 0]}
