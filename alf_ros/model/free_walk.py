@@ -33,6 +33,9 @@ PENALTY = 1e8  # tells σ above 1e-3 from those that a small gap makes
 _CLEAR = 0.1  # distance to a singular position, of the ordinary one, below which nothing counts
 _ASTRAY = 1e-3  # gap, of the size, above which a way has lost the mechanism
 _STEP = 0.1  # of the size, from place to place
+_STRAIGHT = 0.95  # cosine between tangent and chord, as short cranks in a large mechanism turn
+_WHOLE = 0.5  # of a mode: more is lost in a singular position
+_FINEST = 0.02  # of a step, from which down that does not count
 _TURNS = 4  # of a step, at most
 _WAYS = 6  # at most; one freedom has two
 _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
@@ -43,6 +46,7 @@ SEARCHED = 3000  # coordinates up to which singular positions are looked for
 _IN = 1e-2  # of a lost mode: σ below 1e-3
 _FIRM = 1e6  # penalty that tells a lost mode, of σ below 1e-4, from others that are always soft
 _PARTS = 16  # of a branch that is followed through a singular position
+_TURN = 200  # of a way that turns sharply
 _FURTHER = 1.1  # times its length
 _WIDTH = 6e-11  # of that length, to which a singular position is found on it
 _NARROWEST = 5e-7  # of the size: a turn between branches that are further apart is clearly one
@@ -115,7 +119,14 @@ class Walk:
                     step *= 0.25
                     continue
                 reached = float(np.abs(gone).max())
-                if reached > 0.5 * step or not turns:
+                came, lengths = reached > 0.5 * step, np.linalg.norm(gone) * np.linalg.norm(along)
+                if came and gone @ along >= _STRAIGHT * lengths:
+                    break
+                is_singular = not came and self._missing(at) > _WHOLE
+                if step > _FINEST * longest and not is_singular:
+                    step *= 0.5
+                    continue
+                if came or not turns:
                     break
                 # in a singular position what is free leads aside of branches, chords along them
                 along, length, turns = gone, reached, turns - 1
@@ -214,8 +225,7 @@ class Walk:
         if last + 1 < BETWEEN or not most:
             return None
         if most == last:
-            nothing = np.zeros_like(a)
-            return SoftPlace(branch.places[-1], nothing, nothing, usual, True)
+            return self._sharpest(*branch.places[-2:], 2.0 * length / _PARTS)
         best: list[Floats] = []
 
         def height(s: float) -> float:
@@ -226,6 +236,16 @@ class Walk:
         height(softest)
         _, along, bend, _ = branch.at(softest)
         return SoftPlace(best[0], 0.5 * length * along, 0.25 * length**2 * bend, usual, False)
+
+    def _sharpest(self, one: Floats, two: Floats, length: float) -> SoftPlace | None:
+        """Where a mode is softest in a turn that begins at two places of a branch, too sharp for
+        its steps; None if there is no turn on a `length` (m) from there."""
+        branch = self._branch(one, two - one, length, length / _TURN)
+        missing = [self._missing(q) for q in branch.places]
+        most, nothing = int(np.argmax(missing)), np.zeros_like(one)
+        if len(missing) < BETWEEN or not 0 < most < len(missing) - 1:
+            return None
+        return SoftPlace(branch.places[most], nothing, nothing, 0.0, True)
 
     def _of_branches(self, soft: SoftPlace) -> Floats | None:
         """The singular position at a place; None if there is none, or branches do not tell."""
@@ -245,16 +265,18 @@ class Walk:
             before = gap
         return None
 
-    def _branch(self, start: Floats, direction: Floats, length: float) -> SmoothBranch:
+    def _branch(
+        self, start: Floats, direction: Floats, length: float, step: float = 0.0
+    ) -> SmoothBranch:
         """The branch through a place, followed a little further than a length (m), if it goes as
-        far."""
+        far. `step` (m): of 16 parts of the length if absent."""
         branch = SmoothBranch(start)
         along = self._free(start, direction[: self.model.n])
         size = float(np.linalg.norm(along))
         if size > 0.0:
             unit = np.zeros_like(start)
             unit[: along.size] = along / size
-            branch.follow(unit, length / _PARTS, _FURTHER * length, self._closed)
+            branch.follow(unit, step or length / _PARTS, _FURTHER * length, self._closed)
         return branch
 
     def _on_branch(self, soft: SoftPlace, spacing: float) -> Floats | None:
@@ -296,9 +318,9 @@ class Walk:
         Branches that cross, x y = 0, become x y = e. There σ, about √(x² + y²), is √(2e) at least,
         unless what the rows contradict is left open.
         """
-        place = self._of_branches(soft)
-        if place is not None:
-            return self.widest(place)
+        if self._is_lost(soft.q):
+            place = self._of_branches(soft)
+            return 0.0 if place is None else self.widest(place)
         sigma = float(distance(self._missing(soft.q, self._firm_model), _FIRM))
         if not sigma < _NARROW * self.model.system.ordinary:
             return 0.0

@@ -12,6 +12,7 @@ from alf_ros.kernel.interpolated_stages import DRIFT
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.consistency import freed
 from alf_ros.model.free_walk import PENALTY, Walk, carried
+from alf_ros.model.ordinary_positions import ordinary
 from alf_ros.model.softest_modes import found
 from alf_ros.simulation.resolution import LENGTHS, MOTION, Judged, Resolution
 from alf_ros.simulation.start import Start
@@ -61,6 +62,8 @@ class MissedPositions:
         walk, layout = Walk(model.with_penalty(PENALTY), dependent_rows), self._model.layout
         from_here = carried(layout, q, model)
         if qd is None:
+            if self._start.near:  # there free directions lead off all branches
+                _, from_here, _ = ordinary(model, from_here)
             along = np.random.default_rng(0).standard_normal(model.n)
         else:
             along = (carried(layout, q + qd, model) - from_here)[: model.n]

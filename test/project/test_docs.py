@@ -21,7 +21,7 @@ from support.thorough import LONG
 
 SITE = ROOT / 'doc' / 'site'
 BUILD = [sys.executable, str(SITE / 'build.py')]
-SCENES = SOME_SCENES if LONG else ['bricard', 'slider_crank']  # of the gallery
+SCENES = SOME_SCENES if LONG else ['bricard']  # of the gallery
 
 
 @pytest.fixture(scope='module')
