@@ -36,6 +36,7 @@ from alf_ros.kernel.step import (
     accept,
     least_sigma,
     linearise_first,
+    note_leap,
     restore_grid_point,
     save_grid_point,
     step,
@@ -207,7 +208,8 @@ def advance_adaptively(
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
-                accept(unit, system, work, phase, dt)
+                note_leap(system, work, phase, dt)
+                accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
                 done = aim if parts == 1.0 else done + dt
                 pace[0] = next_pace(pace[0], dt, factor)

@@ -21,6 +21,7 @@ from alf_ros.kernel.step import (
     accept,
     least_sigma,
     linearise_first,
+    note_leap,
     restore_grid_point,
     save_grid_point,
     step,
@@ -93,7 +94,8 @@ def advance(problem: Problem, phase: Phase, span: Span, within: bool) -> tuple[i
                     restore_grid_point(problem, phase)
                 return result, taken, most
             record_power(problem, phase, begin, problem.method.b.size, dt, ALL_FORCES)
-            accept(unit, system, work, phase, dt)
+            note_leap(system, work, phase, dt)
+            accept(unit, system, work, phase)
             copy(problem.forces.bearings.force, phase.loads)
             sigma = least_sigma(phase)
             if aim == h:

@@ -73,6 +73,7 @@ from alf_ros.kernel.step import (
     end_step,
     evaluate_first,
     least_sigma,
+    note_leap,
     restore_grid_point,
     save_grid_point,
     scales_of,
@@ -390,7 +391,8 @@ def advance_implicitly(
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
-                accept(unit, system, work, phase, dt)
+                note_leap(system, work, phase, dt)
+                accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
                 done = aim if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt

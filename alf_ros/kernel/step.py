@@ -368,16 +368,22 @@ def restore_grid_point(problem: Problem, phase: Phase) -> None:
 
 
 @inner
-def accept(unit: Unit, system: System, work: Work, phase: Phase, h: float) -> None:
-    """Take the end of a step of h (s) that succeeded as the new phase."""
+def note_leap(system: System, work: Work, phase: Phase, h: float) -> None:
+    """Keep in mind a step of h (s), about to be accepted, that may have leapt over a singular
+    position."""
+    if system.soft.weight.size == 0:  # else det A depends on h
+        note_way(work, h * largest(phase.qd, work.p.size), True)
+
+
+@inner
+def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+    """Take the end of a step that succeeded as the new phase."""
     if some_crossed(unit, system.angles, work.q, work.angle_before):  # else `near` stays
         violation(unit, system.angles, phase.q, work.angle_before)
         violation(unit, system.angles, work.q, work.angle)
         count_turns(work.angle_before, work.angle, phase.turns)
         copy(work.angle, work.angle_before)
         nearby(work.angle, phase.turns, work.near)
-    if system.soft.weight.size == 0:  # else det A depends on h
-        note_way(work, h * largest(phase.qd, work.p.size), True)
     begin_with_det(work)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)

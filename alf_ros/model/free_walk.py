@@ -225,7 +225,8 @@ class Walk:
         if last + 1 < BETWEEN or not most:
             return None
         if most == last:
-            return self._sharpest(*branch.places[-2:], 2.0 * length / _PARTS)
+            one, two = branch.places[-2:]
+            return self._sharpest(one, two, 2.0 * length / _PARTS)
         best: list[Floats] = []
 
         def height(s: float) -> float:
@@ -315,7 +316,7 @@ class Walk:
         """By how much (m) lengths miss a singular position at a place where a mode is softest; 0
         if that is no such position or is not known.
 
-        Branches that cross, x y = 0, become x y = e. There σ, about √(x² + y²), is √(2e) at least,
+        Branches that cross, x y = 0, become x y = e. There σ, about √(x² + y²), is √2 √e at least,
         unless what the rows contradict is left open.
         """
         if self._is_lost(soft.q):
