@@ -85,7 +85,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
         except AssemblyError:
             continue
         if rank > best:
-            best, places = rank, [near]
+            best, places, stays = rank, [near], True
     if best > here:  # a loop of gears may depend on others only where they are in mesh
         best, places = _in_mesh(model, work, q, random) or (best, places)
     if best > here and (stays or not _moves(model, q)):

@@ -241,7 +241,7 @@ class Dynamics(Kinematics):
         free = np.abs(work.Q[:n]).max(initial=0.0) / self.model.system.mean
         return not np.abs(work.qdd[:n]).max(initial=0.0) <= _BALANCED * free
 
-    @property
+    @kept
     def _branch_unknown(self) -> bool:
         """Whether the acceleration, which lacks lost rows, is on no known branch: from rest, or
         where a loop leaves its singular position from rest while other parts move."""

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alf_ros import Ensemble, Simulation, StepError, load_scene
+from alf_ros import Ensemble, Simulation, StepError, ensemble, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.model.free_walk import Walk
 from support.thorough import combined
@@ -210,6 +210,19 @@ def test_steps_of_members_do_not_leap_over_it_without_a_word(
     assert 'lengths miss a singular position' in said
     assert members.trouble == dict.fromkeys(range(3), said)
     assert (members.simulation(1).sample().q == alone.sample().q).all()
+
+
+def test_a_study_says_it_of_its_first_member() -> None:
+    file, solver = MEMBERS[1]
+    found = ensemble(
+        load_scene({**file, 'solver': solver}),
+        {'coupler.mass': [1.0, 2.0]},
+        sampling='table',
+        outputs=['final(points.B.x)'],
+        duration=2.6,
+        workers=0,
+    )
+    assert 'lengths miss a singular position' in found.attrs['trouble']
 
 
 @pytest.mark.parametrize(

@@ -88,10 +88,11 @@ def ensemble(
     to use instead. `watching` is called after each chunk.
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is
-    empty unless a member failed; its attribute `trouble` says if fixed steps of member 0 are too
-    long, else it is empty. An array of reactions that are one of many that balance has the
-    attribute `indeterminate`. Raises InputError for a study that cannot be run, AlfError if
-    workers or the scheduler die: the store then holds the finished chunks.
+    empty unless a member failed. Its attribute `trouble` says if fixed steps of member 0 are too
+    long, or if its steps leap over what they do not resolve, else it is empty. An array of
+    reactions that are one of many that balance has the attribute `indeterminate`. Raises
+    InputError for a study that cannot be run, AlfError if workers or the scheduler die: the store
+    then holds the finished chunks.
     """
     _needs('xarray')
     if store is not None:
