@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import fields, replace
-from functools import cached_property
-from typing import Any, Generic, TypeVar
+from functools import cached_property, partial
+from operator import setitem
+from typing import Any, Generic, TypeAlias, TypeVar
+from weakref import ref
 
 import numpy as np
 
@@ -22,7 +24,7 @@ from alf_ros.scene.scene import Solver
 from alf_ros.simulation.bearing_shares import BearingShares, has_bearings
 from alf_ros.simulation.reactions import ReactionsOf
 
-_KEPT = 4  # workspaces that wait, at most
+_KEPT = 4  # workspaces that wait, at most, when another one is asked for
 
 
 class Workspace:
@@ -61,19 +63,19 @@ class Workspace:
 
 
 T = TypeVar('T')
+Idle: TypeAlias = dict[T, object]  # workspaces that wait, and what has brought them back
 
 
 class Lent(Generic[T]):
-    """A workspace in use; it goes back when nobody has this any more."""
+    """A workspace in use; it goes back when nobody has this any more.
 
-    _back: list[T] | None = None  # where Ctrl-C ends the constructor before it has begun
+    Code in C takes it back, as a callback of a weak reference: Python drops exceptions of a
+    finalizer, also the KeyboardInterrupt of a Ctrl-C that happens to come there.
+    """
 
-    def __init__(self, workspace: T, back: list[T]) -> None:
-        self.workspace, self._back = workspace, back
-
-    def __del__(self) -> None:
-        if self._back is not None and len(self._back) < _KEPT:
-            self._back.append(self.workspace)
+    def __init__(self, workspace: T, back: Idle[T]) -> None:
+        self.workspace = workspace
+        self._loan = ref(self, partial(setitem, back, workspace))
 
 
 class Instruments:
@@ -82,8 +84,8 @@ class Instruments:
     def __init__(self, model: Model, reactions: ReactionsOf) -> None:
         self.reactions = reactions
         self._model = model
-        self._idle: list[Workspace] = []
-        self._idle_cut: list[CutWork] = []
+        self._idle: Idle[Workspace] = {}
+        self._idle_cut: Idle[CutWork] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Instruments, (self._model, self.reactions)
@@ -118,10 +120,12 @@ class Instruments:
         return ball_angles(self._model.layout)
 
 
-def _lent(idle: list[T], make: Callable[[], T]) -> Lent[T]:
+def _lent(idle: Idle[T], make: Callable[[], T]) -> Lent[T]:
     try:  # another thread may take the last one
-        return Lent(idle.pop(), idle)
-    except IndexError:
+        while len(idle) > _KEPT:
+            idle.popitem()
+        return Lent(idle.popitem()[0], idle)
+    except KeyError:
         return Lent(make(), idle)
 
 
