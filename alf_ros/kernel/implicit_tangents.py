@@ -127,7 +127,7 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
     if not linearise(unit, system, work, work.q):
         return UNFOLLOWED
     project_tangents(tangents, own, tangents.behind, FINISH)
-    return accept_tangents(tangents, phase)
+    return accept_tangents(tangents, own, phase)
 
 
 @inner
@@ -135,7 +135,7 @@ def _store_rates(tangents: Tangents, v: Lanes, s: np.uint64) -> None:
     """v (groups, all blocks D) and δq̈ as the rates of stage s."""
     n, whole = tangents.problem.work.p.size, tangents.Q.size
     for k in range(tangents.groups):
-        at = TWO * (k * tangents.part.size + s) * n
+        at = TWO * (k * tangents.problem.method.b.size + s) * n
         for a in each(0, n):
             tangents.rates[at + a] = v[k * whole + a]
             tangents.rates[at + n + a] = tangents.qdd[k * whole + a]

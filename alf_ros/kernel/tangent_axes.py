@@ -12,15 +12,15 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.arc_coordinates import components, composed, relative
-from alf_ros.kernel.data import ORIGIN, Phase, Problem, Tangents
+from alf_ros.kernel.data import ORIGIN, Method, Phase, Problem, Tangents
 from alf_ros.kernel.driven_tangents import drive_tangents
 from alf_ros.kernel.numba_ext.block import block, packed, put
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere
 from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of, section, set_lane
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import Lanes
-from alf_ros.kernel.numba_ext.vectors import copy, copy_first, zero
+from alf_ros.kernel.numba_ext.vectors import add_times, add_two_times, copy, copy_first, zero
 from alf_ros.kernel.status import OK, UNFOLLOWED
 from alf_ros.kernel.tangent_arcs import adds_arcs, begin_arcs, fold_arcs, unfold_arcs
 from alf_ros.kernel.tangent_solves import group_of
@@ -38,7 +38,7 @@ def read_tangents(tangents: Tangents, phase: Phase) -> None:
 
 
 @inner
-def accept_tangents(tangents: Tangents, phase: Phase) -> int:
+def accept_tangents(tangents: Tangents, problem: Problem, phase: Phase) -> int:
     """δq and δq̇ of the end of the step into the phase, if they are numbers."""
     whole, W, check = tangents.Q.size, lanes_of(tangents.q), 0.0
     for a in range(tangents.groups * whole):
@@ -47,9 +47,10 @@ def accept_tangents(tangents: Tangents, phase: Phase) -> int:
         return UNFOLLOWED
     copy(tangents.q, tangents.first_q)
     copy(tangents.qd, tangents.first_qd)
+    changing = whole if tangents.drive.size > 0 else problem.work.p.size  # fixed blocks stay
     for p in range(tangents.count):
         k, m, at = p // W, p % W, TWO * p * whole
-        for a in range(whole):
+        for a in range(changing):
             phase.tangents[at + a] = lane(tangents.q, k * whole + a, m)
             phase.tangents[at + whole + a] = lane(tangents.qd, k * whole + a, m)
     return OK
@@ -118,27 +119,15 @@ def unfold_tangents(
     arcs = adds_arcs(tangents)
     if arcs:
         copy_first(problem.work.total, tangents.place, problem.work.p.size)
-    start, rates, part, of = tangents.start, tangents.rates, tangents.part, tangents.of
-    method, work = problem.method, problem.work
-    n, whole, stages, many = work.p.size, work.q.size, method.b.size, ZERO
-    for m in range(s):
-        weight = h * (method.a[s * stages + m] if s < stages else method.b[m])
-        if weight != 0.0:
-            part[many], of[many] = weight, m
-            many += ONE
+    work = problem.work
+    n, whole = work.p.size, work.q.size
     for k in range(tangents.groups):
         q, qd = group_of(tangents, tangents.q, k), group_of(tangents, tangents.qd, k)
-        for a in each(0, n):
-            at = TWO * k * n + a
-            u, v = start[at], start[at + n]
-            for c in each(0, many):
-                at = TWO * (k * stages + np.uint64(of[c])) * n + a
-                u += part[c] * rates[at]
-                v += part[c] * rates[at + n]
-            q[a], qd[a] = u, v
-            if arcs:
-                at = TWO * k * n + a
-                tangents.xi[at], tangents.xi[at + n] = u, v
+        sums = section(tangents.xi, TWO * k * n, TWO * n)
+        _add_up(tangents, problem.method, k, s, h, sums, TWO * n)
+        if not arcs:
+            copy_first(sums, q, n)
+            copy_first(section(sums, n, n), qd, n)
         for a in each(n, whole):  # fixed blocks
             q[a], qd[a] = tangents.first_q[k * whole + a], 0.0
         drive_tangents(tangents, t, k)
@@ -147,6 +136,34 @@ def unfold_tangents(
         elif work.chart.arcs[0] > 0:
             _from_axes(problem, q)
             _from_axes(problem, qd)
+
+
+@inlined
+def _add_up(
+    tangents: Tangents,
+    method: Method,
+    k: np.uint64,
+    s: np.uint64,
+    h: float,
+    sums: Lanes,
+    both: np.uint64,
+) -> None:
+    """The sums of group k in stage s, `both` numbers, from the rates of the stages before, two at
+    a time."""
+    stages, rates = method.b.size, tangents.rates
+    copy_first(section(tangents.start, k * both, both), sums, both)
+    waits, before = 0.0, section(rates, ZERO, both)
+    for m in range(s):
+        weight = h * (method.a[s * stages + m] if s < stages else method.b[m])
+        if weight != 0.0:
+            here = section(rates, (k * stages + m) * both, both)
+            if waits == 0.0:
+                waits, before = weight, here
+            else:
+                add_two_times(waits, before, weight, here, sums, both)
+                waits = 0.0
+    if waits != 0.0:
+        add_times(waits, before, sums, both)
 
 
 @inner

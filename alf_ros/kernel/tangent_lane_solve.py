@@ -48,7 +48,6 @@ def solved_together(
     round that is certain to close them.
     """
     unit, system, f = problem.unit, problem.system, tangents.f
-    n, iterations = at.work.p.size, problem.method.iterations
     root = np.sqrt(system.penalty)
     fine = max(SOLVED, NOISE * root)
     before *= root
@@ -73,10 +72,37 @@ def solved_together(
     residuals(unit, system, at, f, x)
     step, size = step_by(unit, system, at, x)
     step *= system.rounding
-    alone = max(largest(f, n) / system.mean, NOTHING)
-    usual = max(size, alone)
-    if slow_modes == LEAVE and everywhere(_are_last(system, fine, before, step, usual)):
+    # mostly the size of x decides already
+    if slow_modes == LEAVE and everywhere(_are_last(system, fine, before, step, size)):
         return True
+    left = root * update_rows(unit, system.rows, at)
+    if everywhere((left <= fine * size) & (step <= SOLVED * size)):
+        return True
+    first = before, first_step, first_own
+    return _go_on(tangents, problem, at, x, slow_modes, first, (left, step, size))
+
+
+@inner
+def _go_on(
+    tangents: Tangents,
+    problem: Problem,
+    at: FollowedStage,
+    x: Lanes,
+    slow_modes: np.uint64,
+    first: tuple[Lanes, Lanes, Lanes],
+    second: tuple[Lanes, Lanes, Lanes],
+) -> bool:
+    """`solved_together` behind its second round.
+
+    first, second: the rows that a round left open, its step, and the size of x behind it.
+    """
+    before, first_step, first_own = first
+    left, step, size = second
+    unit, system, f = problem.unit, problem.system, tangents.f
+    root, iterations = np.sqrt(system.penalty), problem.method.iterations
+    fine = max(SOLVED, NOISE * root)
+    alone = max(largest(f, at.work.p.size) / system.mean, NOTHING)
+    usual = max(size, alone)
     first_usual = max(first_own, alone)
     going = unless((before <= fine * first_usual) & (first_step <= SOLVED * first_usual))
     slowest = 0.0 * at.delta[0]
@@ -90,7 +116,7 @@ def solved_together(
                 going & unless(_are_last(system, fine, before, step, usual))
             ):
                 break
-        left = root * update_rows(unit, system.rows, at)
+            left = root * update_rows(unit, system.rows, at)
         closed = left <= fine * usual
         ended = closed & (step <= SOLVED * usual)
         if not everywhere(closed):

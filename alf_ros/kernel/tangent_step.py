@@ -121,11 +121,11 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase, sigma: float) -> 
     near = is_beside(work, work.nearest[0]) or tangents.followed[0] == 0
     if is_followed(tangents) and not near:
         if project_tangents(tangents, problem, tangents.here, LEAVE):
-            return accept_tangents(tangents, phase)
+            return accept_tangents(tangents, problem, phase)
     ended = work.q, work.qd, work.sigma
     interval = work.interval[ZERO], work.interval[ONE], work.interval[TWO]
     result = carry_again(tangents, phase, ended, near, interval, sigma)
-    return accept_tangents(tangents, phase) if result == OK else result
+    return accept_tangents(tangents, problem, phase) if result == OK else result
 
 
 @inner

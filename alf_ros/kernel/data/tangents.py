@@ -75,7 +75,7 @@ class Tangents(Struct):
     first_qdd: Lanes  # (groups, all blocks D) δq̈
     start: Lanes  # (groups, 2, movable D) what a step adds up, there: δq and δq̇, or δξ and δw
     rates: Lanes  # (groups, stages, 2, movable D) their rates in the stages
-    xi: Lanes  # (groups, 2, movable D) δξ and δw of the stage
+    xi: Lanes  # (groups, 2, movable D) the same of the stage
     axes: Lanes  # (groups, movable, 2, D) δt and δn of the arcs
     bend: Lanes  # (groups, movable) δκ
     q: Lanes  # (groups, all blocks D) δq of the stage
@@ -95,8 +95,6 @@ class Tangents(Struct):
     term_qdd: Floats  # (terms D,) Tᵀ q̈
     search: Lanes  # (2, DIRECTIONS, all blocks D) of δk and to what they are mapped, if implicit
     kept: Lanes  # (1,) of a residual of δk, the most that a pass of the step left
-    part: Floats  # (stages,) s, weights of the earlier stages that count, and
-    of: Integers  # (stages,) which these are
     f: Lanes  # (all blocks D,) right-hand side of a solve
     Q: Floats  # (all blocks D,) forces beside their derivatives
     lane_f: Floats  # (all blocks D,) right-hand side of a lane that is solved by itself
