@@ -15,7 +15,7 @@ from alf_ros.kernel.arc_coordinates import components, composed, relative
 from alf_ros.kernel.data import ORIGIN, Method, Phase, Problem, Tangents
 from alf_ros.kernel.driven_tangents import drive_tangents
 from alf_ros.kernel.numba_ext.block import block, packed, put
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, inlined, inner
+from alf_ros.kernel.numba_ext.jit import THREE, TWO, ZERO, inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere
 from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of, section, set_lane
 from alf_ros.kernel.numba_ext.plain_loops import each
