@@ -106,8 +106,8 @@ class ParameterSlopes:
     @cached_property
     def _kept(self) -> ParameterSlopes | None:
         """The slopes from before, if they still hold: the number changes masses and effects alone,
-        and the difference of two neighbours agrees. So their arrays are linear in the number,
-        and eight times fewer scenes are read."""
+        and the difference to a neighbour agrees. So their arrays are linear in the number, and
+        one scene is read for each."""
         before = self._before
         if before is None:
             return None
@@ -115,19 +115,21 @@ class ParameterSlopes:
             return None
         step = LONGEST * (abs(self.value) or 1.0)
         try:
-            beside = [self._neighbour(change) for change in (-step, step)]
+            beside = self._neighbour(step)
         except InputError:
             return None
-        if not self._have_form(beside):
+        if not self._have_form([beside]):
             return None
-        less, more = ([each.effects(NO_INPUTS).params] for each in beside)
+        here, there = ([each.effects(NO_INPUTS).params] for each in (self._here, beside))
         slopes = {'effects': before.params()}
         if not self._is_of_effects:
-            less += beside[0].arrays()
-            more += beside[1].arrays()
+            here += self._here.arrays()
+            there += beside.arrays()
             slopes |= before.arrays
-        for (what, slope), low, high in zip(slopes.items(), less, more, strict=True):
-            if low.shape != slope.shape or not self._agree(what, slope, low, high, step):
+        for (what, slope), low, high in zip(slopes.items(), here, there, strict=True):
+            if not low.shape == high.shape == slope.shape:
+                return None
+            if not self._agree(what, slope, low, high, step):
                 return None
         return before._kept or before
 
@@ -349,12 +351,12 @@ class ParameterSlopes:
         return opened + gaps
 
     def _agree(self, what: str, slope: Floats, less: Floats, more: Floats, step: float) -> bool:
-        """Whether a slope agrees with the difference of an array a step less and a step more."""
+        """Whether a slope agrees with the difference of an array here and a step away."""
         with np.errstate(invalid='ignore'):  # no limit is an infinite one
             change = np.where(less == more, 0.0, more - less)
         most = _AGREE * self._sizes(what, [slope])
         most += _ROUNDED * self._sizes(what, [less, more]) / step
-        return bool((np.abs(change / (2.0 * step) - slope) <= most).all())
+        return bool((np.abs(change / step - slope) <= most).all())
 
     @property
     def acts(self) -> bool:

@@ -150,7 +150,7 @@ class _Forms:
     def _blocks(self, array: Floats) -> Floats:
         """(…, blocks D) -> (…, U, D)."""
         blocks = array.reshape(*array.shape[:-1], array.shape[-1] // self._D, self._D)
-        return np.asarray(blocks[..., self._used, :])
+        return np.take(blocks, self._used, axis=-2)  # contiguous
 
 
 def _placed(of_row: Floats, block: Integers, blocks: int) -> Floats:
