@@ -9,6 +9,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel.interpolated_stages import DRIFT
+from alf_ros.model import singular_start
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.consistency import freed
 from alf_ros.model.free_walk import PENALTY, Walk, carried
@@ -21,6 +22,7 @@ _LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths
 _MEANT = 1e-3  # of the size: what misses a position by more is not why a step fails
 _ACROSS = 0.25  # of a step that leaps over a turn: steps that follow it are shorter
 _PLAIN = 1e-6  # of the size: lengths that differ by more are followed to the other branch
+_SLOW = 0.01  # part of the velocity, below which a branch is not told by it
 _BESIDE = 5e-3  # distance to a singular position that stages take for near at all speeds
 
 
@@ -78,7 +80,7 @@ class MissedPositions:
         if told > 0.0 and (gap > 0.0 or not self._examined or self.on_the_way > 0.0):
             gap = told
         if not 0.0 < gap <= _MEANT * self._model.size:
-            return self._beside(q)
+            return self._beside(q, qd)
         remedy = 'take a smaller step, or ' + (
             'ask for a smaller tolerance' if self._tolerance else 'an adaptive integrator'
         )
@@ -89,7 +91,7 @@ class MissedPositions:
         verb = 'miss' if self.reason == LENGTHS else 'misses'
         return f': {self.reason} {verb} a singular position by about {gap:.1g} m', remedy
 
-    def _beside(self, q: Floats) -> tuple[str, str] | None:
+    def _beside(self, q: Floats, qd: Floats) -> tuple[str, str] | None:
         """The same for a motion that is no single pass, but stays beside a singular position."""
         model = self._model.apart()
         work = allocate(model, model.system, 0)
@@ -99,10 +101,24 @@ class MissedPositions:
         distance = float(modes.sigma[0]) if modes else 1.0
         if not distance < _BESIDE:
             return None
+        if self._stays(q, qd):
+            return (
+                ': a loop rests in its singular position, or is slow there, beside moving parts',
+                'let all begin at rest, or the loop with a speed or beside the position',
+            )
         return (
             f': a singular position is near, at the distance {distance:.1g}',
             'take a smaller step; a motion that stays beside a singular position is not computed',
         )
+
+    def _stays(self, q: Floats, qd: Floats) -> bool:
+        """Whether q̇ (blocks D, m/s) at q (blocks D, m) leads along several branches of a singular
+        position there, so that it does not tell on which of them a loop leaves."""
+        here = singular_start.resting(self._start.model, q, self._start.dependent_rows)
+        if here is None or not qd.any():
+            return False
+        least = _SLOW * float(np.abs(qd).max())
+        return [_off(branch.directions, qd) < least for branch in here.branches].count(True) > 1
 
     def resolution(
         self, judged: Judged, told: float, beside: float, leapt: float, unexamined: str
@@ -122,3 +138,10 @@ class MissedPositions:
             least = max(DRIFT, self._tolerance) * size
             gap = gap if least < gap < way**2 / size else 0.0
         return Resolution(*judged, gap, self.reason, unexamined)
+
+
+def _off(directions: Floats, qd: Floats) -> float:
+    """By how much q̇ (blocks D, m/s) misses all velocities along directions (dimension, blocks
+    D), m/s."""
+    weights = np.linalg.lstsq(directions.T, qd, rcond=None)[0]
+    return float(np.abs(qd - weights @ directions).max(initial=0.0))

@@ -292,3 +292,41 @@ def test_a_loop_at_rest_in_its_position_while_another_part_moves(driven: bool) -
     source['effects'] = {}  # then it stays where it is
     sample = Simulation(load_scene(source)).sample()
     assert sorted(sample.qdd) == pytest.approx([-4.5 if driven else -18.0] + 7 * [0.0], abs=1e-12)
+
+
+# --------------------------------------------------------------------------- beside what moves
+
+
+BESIDE = """\
+alf: 1
+points:
+  O: {at: [0, 0], fixed: true}
+  A: {at: [1, 0]}
+  B: {at: [3, 0]}
+  C: {at: [2, 0], fixed: true}
+  P: {at: [5, 0], fixed: true}
+  Q: {at: [5, -1]}
+bodies:
+  crank: {points: [O, A], mass: 1, inertia: rod}
+  coupler: {points: [A, B], mass: 1, inertia: rod}
+  rocker: {points: [C, B], mass: 2, inertia: rod}
+  pendulum: {points: [P, Q], mass: 1, inertia: rod}
+joints:
+  o: {type: revolute, between: [ground, crank], at: O}
+  a: {type: revolute, between: [crank, coupler], at: A}
+  b: {type: revolute, between: [coupler, rocker], at: B}
+  c: {type: revolute, between: [ground, rocker], at: C}
+  p: {type: revolute, between: [ground, pendulum], at: P}
+"""
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_a_loop_that_rests_flat_beside_a_swing_is_named(integrator: str) -> None:
+    """A velocity that is not of the loop does not tell on which branch the loop leaves."""
+    mechanism = yaml.safe_load(BESIDE)
+    swinging = Simulation(scene(mechanism, {}, Q=[4.0, 0.0]), integrator=integrator)
+    with pytest.raises(StepError, match='a loop rests in its singular position, or is slow there'):
+        swinging.step(20)
+    at_rest = Simulation(scene(mechanism, {}), integrator=integrator)
+    at_rest.step(20)
+    assert at_rest.sample().points['A'][1] < -1e-3
