@@ -2,6 +2,9 @@
 
 Its acceleration lacks the lost rows, so it belongs to no branch. The branches are known where a
 run is set at rest (`System.departures`); elsewhere the nearest one is found by projection.
+
+If only a part rests there, and no row connects it with what moves, speeds and distances of this
+part count alone until it has left, and it is followed along its own way.
 """
 
 from __future__ import annotations
@@ -9,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.kernel.data import Departures, Problem, Scales
+from alf_ros.kernel.data import Departures, Problem, Scales, System
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
@@ -18,21 +21,65 @@ from alf_ros.kernel.stage import stage
 
 SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 _HERE = 1e-5  # part of the size: so near to a position its branches are those of a stage at rest
+_BESIDE = 5e-3  # part of the size: so far a part that rests is followed along its own way
 _TURNS = 6  # chords, at most
 
 
 @inner
-def leave_on_branch(problem: Problem) -> bool:
+def rests_apart(system: System, q: Floats) -> bool:
+    """Whether q (movable D,), m, is where a part of the mechanism is set at rest, or beside it."""
+    ways = system.departures
+    if ways.part.size == 0:
+        return False
+    return way_of(system, True, q, ways.q, ways.part.size) <= _BESIDE * system.size
+
+
+@inner
+def speed_of(system: System, apart: bool, v: Floats, n: np.uint64) -> float:
+    """Largest of the first n numbers, without sign; of the part that rests, if `apart`."""
+    if not apart:
+        return largest(v, n)
+    most, part = 0.0, system.departures.part
+    for a in range(n):
+        most = max(most, abs(part[a] * v[a]))
+    return most
+
+
+@inner
+def way_of(system: System, apart: bool, q: Floats, q0: Floats, n: np.uint64) -> float:
+    """Largest difference of the first n coordinates, m, likewise."""
+    if not apart:
+        return furthest(q, q0, n)
+    most, part = 0.0, system.departures.part
+    for a in range(n):
+        most = max(most, abs(part[a] * (q[a] - q0[a])))
+    return most
+
+
+@inner
+def keep_part(system: System, v: Floats) -> None:
+    """v (movable D,) of the part that rests; 0 for all else."""
+    part = system.departures.part
+    for a in range(part.size):
+        v[a] *= part[a]
+
+
+@inner
+def leave_on_branch(problem: Problem, apart: bool) -> bool:
     """Let `along` be the acceleration on the branch where it is nearest to the one without the
     lost rows, if branches are known, else that one; returns whether they are."""
     system, work = problem.system, problem.work
     n, ways = work.p.size, system.departures
-    if not ways.branch.size or furthest(work.base, ways.q, n) > _HERE * system.size:
-        copy(work.pull, work.along)
+    copy(work.pull, work.along)
+    if apart:
+        keep_part(system, work.along)
+    if not ways.branch.size:
+        return False
+    if way_of(system, apart, work.base, ways.q, n) > _HERE * system.size:
         return False
     momenta = work.sum_q
     zero(momenta)
-    add_mass_times(problem.unit, system.mass, 1.0, work.pull, momenta)
+    add_mass_times(problem.unit, system.mass, 1.0, work.along, momenta)
     most, best, part, branch = 0.0, -1, 0.0, -1
     for k in range(ways.branch.size):
         if ways.branch[k] != branch:
@@ -59,13 +106,13 @@ def _along(ways: Departures, k: int, momenta: Floats) -> float:
 
 
 @inner
-def meets_all(problem: Problem, gone: float) -> bool:
+def meets_all(problem: Problem, gone: float, apart: bool) -> bool:
     """Whether a stage whose step has `gone` so far (m) lies on all known branches, or there
     is one branch only: then it is on the one that is followed, which interpolation between wide
     places misses by an error. A start hardly beside the position lies on its own branch."""
     ways, work = problem.system.departures, problem.work
     last = ways.branch[ways.branch.size - 1]
-    return last == 0 or furthest(work.base, ways.q, work.p.size) <= gone
+    return last == 0 or way_of(problem.system, apart, work.base, ways.q, work.p.size) <= gone
 
 
 @inner

@@ -38,7 +38,6 @@ from alf_ros.kernel.fixed_steps import PIECES
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
-    SLOW,
     evaluate_interpolated,
     evaluate_uninterpolated,
     linearise_aside,
@@ -77,6 +76,7 @@ from alf_ros.kernel.step import (
     restore_grid_point,
     save_grid_point,
     scales_of,
+    stands,
     still_within,
     store_angles,
 )
@@ -219,7 +219,7 @@ def _step(
     for i in range(n):
         rates[i] = qd[i]
         rates[n + i] = work.qdd[i]
-    within = sigma == 0.0 and not largest(qd, n) > SLOW * scales.falling
+    within = sigma == 0.0 and stands(system, phase, n, scales)
     near, rate, gamma = x < np.inf, 1.0, 0.0
     suspect = near
     for s in range(ONE, stages):

@@ -20,7 +20,16 @@ import numpy as np
 from alf_ros.arrays import Unit
 from alf_ros.kernel.augmented_solve import accelerate_under, apply
 from alf_ros.kernel.data import Phase, Problem, Scales, System, Work
-from alf_ros.kernel.departure import SAME, follow_branch, leave_on_branch, meets_all
+from alf_ros.kernel.departure import (
+    SAME,
+    follow_branch,
+    keep_part,
+    leave_on_branch,
+    meets_all,
+    rests_apart,
+    speed_of,
+    way_of,
+)
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import lost
 from alf_ros.kernel.numba_ext.jit import TWO, inner
@@ -210,12 +219,36 @@ def _find(
     the acceleration leads to a branch further off than the step has gone: the acceleration does
     not depend on the row that determines this branch, but q does.
     """
+    work = problem.work
+    if rests_apart(problem.system, work.base):
+        copy(work.along, work.sum)
+        count, found = _find_along(problem, phase, t, moved, scales, ending, True)
+        if count > 0:
+            return count, found
+        copy(work.sum, work.along)  # what else moves is beside a singular position of its own
+    return _find_along(problem, phase, t, moved, scales, ending, False)
+
+
+@inner
+def _find_along(
+    problem: Problem,
+    phase: Phase,
+    t: float,
+    moved: float,
+    scales: Scales,
+    ending: bool,
+    apart: bool,
+) -> tuple[int, bool]:
+    """The same along the velocity of all, or `apart` of the part alone that rests there."""
     system, work = problem.system, problem.work
     n = work.p.size
-    fastest = largest(phase.qd, n)
+    fastest = speed_of(system, apart, phase.qd, n)
     spacing = max(20.0 * moved, SPACING * system.close * scales.radius)
     moving = fastest > SLOW * scales.falling
-    known = not moving and leave_on_branch(problem)
+    known = not moving and leave_on_branch(problem, apart)
+    if apart:
+        keep_part(system, work.along)
+        moving = False  # what else moves stays where it is, and chords tell the way of this part
     speed = largest(work.along, n)
     if not speed > 0.0:
         return 1, False
@@ -228,10 +261,16 @@ def _find(
         count = follow_branch(problem, t, scales, spacing)
         if count <= 0:
             return count, False
+    if apart:
+        keep_part(system, work.along)
+        keep_part(system, work.curve)
     count = _interpolate(problem, t, moving, scales, spacing)
+    if count > 0 and apart and lost(problem.unit, system, work):
+        return 0, False  # what else moves is in one of its own
     if count > 0 and not moving:
-        gone = furthest(work.base, phase.q, n) + SAME * system.size
-        if furthest(work.sum_q, work.base, n) > gone and not (known and meets_all(problem, gone)):
+        gone = way_of(system, apart, work.base, phase.q, n) + SAME * system.size
+        off = way_of(system, apart, work.sum_q, work.base, n)
+        if off > gone and not (known and meets_all(problem, gone, apart)):
             prescribe(system, t, work.q, work.qd, work.qdd)
             copy(work.base, work.q)
             copy(work.base, work.target)

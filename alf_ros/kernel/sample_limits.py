@@ -8,11 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.data import Phase, Problem
+from alf_ros.kernel.departure import rests_apart, speed_of
 from alf_ros.kernel.interpolated_stages import evaluate_interpolated, evaluate_place
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled
-from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
+from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.step import curve_path, evaluate_first, scales_of
@@ -49,7 +50,8 @@ def find_places(problem: Problem, phase: Phase, t: float, part: float) -> bool:
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.p)  # (30), σ = 0
     s = np.uint64(0)
     apart = part * _APART * system.close * scales.radius
-    if not (system.prescribed.program.size or largest(phase.qd, work.p.size) > 0.0):
+    speed = speed_of(system, rests_apart(system, phase.q), phase.qd, work.p.size)
+    if not (system.prescribed.program.size or speed > 0.0):
         apart = 0.0  # the radius is not known from rest: as near as those of a stage
     count = evaluate_interpolated(problem, phase, t, s, apart, scales)
     return count > 0 and work.places[0] < np.inf

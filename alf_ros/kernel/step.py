@@ -40,6 +40,7 @@ from alf_ros.kernel.companion import (
 )
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import Method, Phase, Problem, Scales, System, Until, Work
+from alf_ros.kernel.departure import rests_apart, speed_of, way_of
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     NEAR,
@@ -238,7 +239,16 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
 def still_within(system: System, work: Work, phase: Phase, scales: Scales) -> bool:
     """Whether a stage, as added up, is too close to the singular position where its step begins:
     rounding may hide a row that has no direction there, or take another one for such a row."""
-    return furthest(work.target, phase.q, work.p.size) < system.close * scales.radius
+    apart = rests_apart(system, phase.q)
+    way = way_of(system, apart, work.target, phase.q, work.p.size)
+    return way < system.close * scales.radius
+
+
+@inner
+def stands(system: System, phase: Phase, n: np.uint64, scales: Scales) -> bool:
+    """Whether what may rest in a singular position is too slow to have a direction."""
+    apart = rests_apart(system, phase.q)
+    return not speed_of(system, apart, phase.qd, n) > SLOW * scales.falling
 
 
 @expanded
@@ -276,7 +286,7 @@ def step(
     begin_interval(problem, t, end, h)
     tell(problem, phase, BEGIN_STEP, int(begun), t, sigma)
     nearest = np.inf
-    within = sigma == 0.0 and not largest(phase.qd, work.p.size) > SLOW * scales.falling
+    within = sigma == 0.0 and stands(system, phase, work.p.size, scales)
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)

@@ -136,14 +136,17 @@ class Model:
         system = changed(self.system, ordinary=sigma, rank=rank, close=close, patience=patience)
         return replace(self, system=system)
 
-    def departing(self, q: Floats, branches: Sequence[Floats]) -> Model:
+    def departing(
+        self, q: Floats, branches: Sequence[Floats], part: Floats | None = None
+    ) -> Model:
         """The same, at rest in a singular position q (blocks D, m), or hardly beside it, which it
         may leave on branches, each with directions (dimension, blocks D) orthonormal in the metric
-        of M."""
+        of M. part (blocks D,): 1 on what rests there, if other parts move."""
         departures = Departures(
             q=q[: self.n].copy(),
             branch=np.repeat(np.arange(len(branches)), [len(each) for each in branches]),
             directions=np.concatenate([each[:, : self.n].ravel() for each in branches]),
+            part=np.zeros(0) if part is None else part[: self.n].copy(),
         )
         return self.leaving(departures)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats
@@ -29,6 +31,8 @@ from alf_ros.model.singular_branches import (
 )
 from alf_ros.model.singular_location import located
 
+_APART = 1e-9  # part of the velocity, by which what rests may move
+_DIFFER = 1e-6  # part of a direction by which branches differ
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
 _NOT_ENUMERATED = (
     'a singular position whose branches are not enumerated: velocities are not completed there; '
@@ -105,6 +109,65 @@ def departing(model: Model, here: Position | None) -> Model:
     if here is None or not here.branches:
         return model
     return model.departing(here.q, [branch.directions for branch in here.branches])
+
+
+def leaving_apart(model: Model, q: Floats, qd: Floats, dependent: int) -> Model:
+    """The model that moves with q̇ (blocks D, m/s) at q (blocks D, m), knowing how parts that rest
+    there in a singular position leave it; as it was if there are none, or if rows connect them
+    with what moves."""
+    here = resting(model, q, dependent)
+    if here is None:
+        return model
+    least = _APART * np.abs(qd).max()
+    fitting = [each.directions for each in here.branches if off(each.directions, qd) <= least]
+    if len(fitting) <= 1:
+        return model
+    part = _of_parts(model, _where_they_differ(fitting))
+    open_ = _where_they_differ([each.directions for each in here.branches])
+    if np.abs(part * qd).max() > least or (open_ > part).any():  # what moves is singular too
+        return model
+    return model.departing(here.q, fitting, part)
+
+
+def off(directions: Floats, qd: Floats) -> float:
+    """By how much q̇ (blocks D, m/s) misses all velocities along directions (dimension, blocks
+    D), m/s."""
+    weights = np.linalg.lstsq(directions.T, qd, rcond=None)[0]
+    return float(np.abs(qd - weights @ directions).max(initial=0.0))
+
+
+def _where_they_differ(branches: Sequence[Floats]) -> Floats:
+    """(blocks D,) 1 where a velocity on one of the branches has no part on another one."""
+    found = np.zeros(branches[0].shape[1])
+    for each in branches:
+        for other in branches:
+            weights = np.linalg.lstsq(other.T, each.T, rcond=None)[0]
+            rest = np.abs(each.T - other.T @ weights).max(axis=1)
+            found[rest > _DIFFER * np.abs(each).max()] = 1.0
+    return found
+
+
+def _of_parts(model: Model, some: Floats) -> Floats:
+    """(blocks D,) 1 on all blocks that rows or bodies connect with some coordinates that are 1."""
+    D, rows, mass = model.layout.dimension, model.system.rows, model.system.mass
+    blocks = model.q.size // D
+    entry = np.repeat(np.arange(rows.c.size), np.diff(rows.first.astype(np.int64)))
+    term = np.repeat(np.arange(rows.block.size), np.diff(rows.first_term.astype(np.int64)))
+    pairs = [
+        (rows.i.astype(np.int64), rows.j.astype(np.int64)),
+        (mass.i.astype(np.int64), mass.j.astype(np.int64)),
+        (blocks + entry, rows.block.astype(np.int64)),
+        (blocks + entry[term], rows.term_block.astype(np.int64)),
+    ]
+    pairs = [(np.minimum(i, j), np.maximum(i, j)) for i, j in pairs]
+    i, j = (np.concatenate(each) for each in zip(*pairs, strict=True))
+    moves = model.n // D  # what is fixed connects nothing
+    joined = ((i < moves) | (i >= blocks)) & ((j < moves) | (j >= blocks))
+    size = blocks + rows.c.size
+    graph = coo_array((np.ones(joined.sum()), (i[joined], j[joined])), shape=(size, size))
+    _, label = connected_components(graph, directed=False)
+    chosen = np.unique(label[np.flatnonzero(some) // D])
+    return np.repeat(np.isin(label[:blocks], chosen), D).astype(float)
 
 
 def _is_ordinary(here: Position, dependent: int) -> bool:

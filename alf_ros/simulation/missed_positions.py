@@ -118,7 +118,9 @@ class MissedPositions:
         if here is None or not qd.any():
             return False
         least = _SLOW * float(np.abs(qd).max())
-        return [_off(branch.directions, qd) < least for branch in here.branches].count(True) > 1
+        return [singular_start.off(each.directions, qd) < least for each in here.branches].count(
+            True
+        ) > 1
 
     def resolution(
         self, judged: Judged, told: float, beside: float, leapt: float, unexamined: str
@@ -138,10 +140,3 @@ class MissedPositions:
             least = max(DRIFT, self._tolerance) * size
             gap = gap if least < gap < way**2 / size else 0.0
         return Resolution(*judged, gap, self.reason, unexamined)
-
-
-def _off(directions: Floats, qd: Floats) -> float:
-    """By how much q̇ (blocks D, m/s) misses all velocities along directions (dimension, blocks
-    D), m/s."""
-    weights = np.linalg.lstsq(directions.T, qd, rcond=None)[0]
-    return float(np.abs(qd - weights @ directions).max(initial=0.0))

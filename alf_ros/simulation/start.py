@@ -90,6 +90,8 @@ def started(scene: Scene, solver: Solver) -> Start:
     if (singular is not None or at.near) and not qd.any():
         here = singular_start.resting(model, at.q, at.dependent_rows)
         model = singular_start.departing(model, here)
+    elif (singular is not None or at.near) and qd.any():
+        model = singular_start.leaving_apart(model, at.q, qd, at.dependent_rows)
     return Start(model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment)
 
 

@@ -130,6 +130,9 @@ class Departures(Struct):
     q: Floats  # (movable D,) that position
     branch: Integers  # (directions,) the branch that each is of, in ascending order
     directions: Floats  # (directions, movable D) of a branch orthonormal in the metric of M
+    # (movable D,) 1 on what rests there while all that no row connects with it moves, else 0;
+    # empty if all rests
+    part: Floats
 
 
 @dataclass(frozen=True, eq=False)
