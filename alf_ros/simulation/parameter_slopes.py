@@ -288,9 +288,9 @@ class ParameterSlopes:
     def _params(self, inputs: Inputs) -> Floats:
         found = self._of_effects(lambda each: each.effects(inputs).params)
         here = self._here.form(inputs)
-        sides = (min(self._beside), max(self._beside)) if self._beside else ()
-        for change in sides:
-            if not all(map(np.array_equal, self._beside[change].form(inputs), here)):
+        sides = {change > 0.0: each for change, each in self._beside.items()}  # the last ones
+        for each in sides.values():
+            if not all(map(np.array_equal, each.form(inputs), here)):
                 raise self._another_form('effects')
         return found
 
