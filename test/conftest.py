@@ -119,11 +119,16 @@ _FIRST = (
 _WAITING = ('commands', 'project', 'ros')
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mix files that wait with files that compute, so that workers share the processor evenly.
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out tests of `make thorough`. Mix files that wait with files that compute, so that
+    workers share the processor evenly.
 
     Workers take the files in this order (`--no-loadscope-reorder`).
     """
+    if not LONG:
+        left = [item for item in items if item.get_closest_marker('thorough')]
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if not item.get_closest_marker('thorough')]
     folder = Path(__file__).parent
     files = list(dict.fromkeys(item.path for item in items))
     kinds: tuple[list[Path], list[Path]] = [], []

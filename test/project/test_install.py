@@ -18,7 +18,6 @@ from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, read_log
-from support.thorough import LONG
 
 PACKAGE = ROOT / 'package.xml'
 
@@ -77,7 +76,7 @@ def test_without_zstandard_a_log_is_written_uncompressed(tmp_path):
     assert 'EQUAL' in run(python, tmp_path, 'verify', str(path))
 
 
-@pytest.mark.skipif(not LONG, reason='make thorough: it compiles all anew for another numpy')
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.version_info >= (3, 13), reason='numpy 1 has no wheels from 3.13 on')
 def test_with_numpy_1(tmp_path):
     python = interpreter(tmp_path / 'venv', 'numpy')

@@ -6,6 +6,7 @@ import ast
 from collections.abc import Iterator
 
 from support.paths import ROOT
+from support.syntax import parsed
 
 PACKAGE = ROOT / 'alf_ros'
 READ = {'time', 'time_ns', 'now', 'today', 'utcnow', 'localtime', 'gmtime', 'strftime'}
@@ -23,7 +24,7 @@ ALLOWED = {
 def calls() -> Iterator[tuple[str, str, ast.Call]]:
     """Every call of an attribute: file, name and call."""
     for path in sorted(PACKAGE.rglob('*.py')):
-        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 yield path.relative_to(PACKAGE).as_posix(), node.func.attr, node
 

@@ -42,7 +42,6 @@ class ClosingProcess:
                 folder,
                 {**os.environ, **SPEAKS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
                 output,
-                new=True,
             )
 
     def __enter__(self) -> ClosingProcess:

@@ -28,7 +28,7 @@ from support.log_files import make, read_by_others, rewritten
 from support.ros_node import Peer, SimulatorProcess, wrench
 from support.thorough import LONG
 
-KILLS = 200 if LONG else 4
+KILLS = 200 if LONG else 2
 TICKS = 2000 if LONG else 800  # of a log that is cut
 LONGEST = 3.0  # s of a run that is killed
 MOST_LOST = 1.0  # s

@@ -18,7 +18,7 @@ from alf_ros import Simulation, StepError, load_scene
 from support.paths import ROOT
 from support.thorough import LONG
 
-THROWS = 10 if LONG else 5
+THROWS = 10 if LONG else 3
 SETTINGS: list[dict[str, Any]] = [
     {'integrator': 'dop853_adaptive', 'step': 1e-2, 'tolerance': 1e-8},
     {'integrator': 'dop853', 'step': 1e-3},

@@ -18,6 +18,7 @@ import pytest
 
 from support.ensemble_kills import (
     CLUSTER,
+    EnsembleCommand,
     begun,
     children,
     contents,
@@ -97,7 +98,7 @@ def _is_done(code: int, said: str) -> bool:
     return code == 0
 
 
-def _again(process: subprocess.Popen[str], whole: Whole, store: Path) -> subprocess.Popen[str]:
+def _again(process: EnsembleCommand, whole: Whole, store: Path) -> EnsembleCommand:
     """The same command behind the end of the last one; no finished chunk is made again. A study
     that is done begins again."""
     before = seals(store)

@@ -17,6 +17,7 @@ from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.distributions import normal, uniform
 from alf_ros.studies.ensemble.member import run_member
 from alf_ros.studies.ensemble.study_reading import load_study, study_of
+from support.thorough import combined
 
 DOWN, BELOW = 'gravity.acceleration.1', 'gravity.acceleration.2'
 # scene, what varies, duration (s): singular positions, space, redundant rows, drives
@@ -160,9 +161,9 @@ def test_a_long_reason_is_cut_between_words():
     assert whole.startswith(f'{kept} ')
 
 
-@pytest.mark.parametrize('workers', [0, 1])
 @pytest.mark.parametrize(
-    'error, said', [(ValueError('too much'), 'too much'), (SystemExit(3), '3')]
+    'workers, error, said',
+    combined([0, 1], [(ValueError('too much'), 'too much'), (SystemExit(3), '3')]),
 )
 def test_a_function_of_the_user_that_raises_is_a_reason(workers, error, said):
     def picky(run):

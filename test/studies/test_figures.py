@@ -139,6 +139,7 @@ def test_finding_of_the_paper_is_told(published: tuple[Path, str]) -> None:
         assert curves['alf2']['position_error_m'].max() < 1e-3
 
 
+@pytest.mark.thorough
 def test_finding_reproduces_around_its_tolerance(four_bars: FormulationComparison) -> None:
     """Not of one run, which chance decides, but of most."""
     lost = {}

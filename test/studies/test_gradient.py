@@ -147,10 +147,11 @@ def test_numbers_of_a_run(
     """Against differences of sixth order of runs with other numbers."""
     of = OBSERVED[n]
     weights = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
-    found = gradient(Simulation(robot), of, CHANGED, duration=0.2, every=1)
+    duration = 0.2 if LONG else 0.1
+    found = gradient(Simulation(robot), of, CHANGED, duration=duration, every=1)
 
     def value(name: str, change: float) -> float:
-        return gradient(changed(name, change), of, ['rub.viscous'], duration=0.2).value
+        return gradient(changed(name, change), of, ['rub.viscous'], duration=duration).value
 
     for name in CHANGED if LONG else [CHANGED[n % 4]]:
         size = 1e-3 * overrides.number(robot, name)
@@ -169,7 +170,7 @@ def test_numbers_of_an_implicit_run(robot: Scene, n: int) -> None:
             Simulation(robot, integrator=integrator, tolerance=tolerance),
             OBSERVED[n],
             CHANGED,
-            duration=0.2,
+            duration=0.2 if LONG else 0.1,
             every=1,
         )
         for integrator, tolerance in (('esdirk43_adaptive', 1e-9), ('dop853_adaptive', 1e-12))

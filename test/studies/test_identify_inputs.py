@@ -51,6 +51,7 @@ def test_efforts_and_forces_are_found() -> None:
     assert f'{EFFORT}  ' in str(found)
 
 
+@pytest.mark.thorough
 def test_deviations_are_those_of_refits() -> None:
     """The scatter of estimates from other noise has the size that each fit tells."""
     each = [

@@ -44,6 +44,7 @@ def test_members_are_pushed() -> None:
         assert ends[k] == pytest.approx(wanted, abs=1e-11)
 
 
+@pytest.mark.thorough
 def test_a_design_may_be_an_effort() -> None:
     """The effort that holds a slider-crank at rest, by an independent formula."""
     at_rest = {'initial.velocities': '{}', 'effects.gravity.acceleration': '[0, -9.81]'}
