@@ -102,7 +102,7 @@ def test_members_together_are_read_sample_by_sample():
         'samples': {'function': _samples_in_memory, 'reads': ['energy']},
     }
     study = study_of(
-        'slider_crank', vary, members=4, duration=0.2, period=0.01, outputs=kept, chunk=4
+        'slider_crank', vary, members=4, duration=0.1, period=0.01, outputs=kept, chunk=4
     )
     gc.collect()
     others = _samples_in_memory()  # which an earlier test has left

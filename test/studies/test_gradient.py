@@ -181,14 +181,17 @@ def test_numbers_of_an_implicit_run(robot: Scene, n: int) -> None:
 
 @pytest.mark.parametrize(
     ('name', 'quantity'),
-    [
-        ('delta_robot', 'reactions.motor0.force.x'),
-        ('rolling_disk', 'reactions.rim.force.z'),
-        ('screw_jack', 'energy'),
-        ('stewart_platform', 'kinetic_energy'),
-        ('bricard', 'powers.gravity'),
-        ('wheeled_robot', 'energy'),
-    ],
+    thinned(
+        [
+            ('delta_robot', 'reactions.motor0.force.x'),
+            ('rolling_disk', 'reactions.rim.force.z'),
+            ('screw_jack', 'energy'),
+            ('stewart_platform', 'kinetic_energy'),
+            ('bricard', 'powers.gravity'),
+            ('wheeled_robot', 'energy'),
+        ],
+        keep=lambda name, quantity: name not in ('stewart_platform', 'wheeled_robot'),
+    ),
 )
 def test_quantities_equal_their_tangents(name: str, quantity: str) -> None:
     """In space, with wheels, screws, drives and redundant rows: a sample differentiates along the

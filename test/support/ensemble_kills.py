@@ -34,7 +34,7 @@ CLUSTER = """
 import sys
 from distributed import LocalCluster
 cluster = LocalCluster(
-    n_workers=2, threads_per_worker=1, dashboard_address=None, host='127.0.0.1'
+    n_workers=int(sys.argv[1]), threads_per_worker=1, dashboard_address=None, host='127.0.0.1'
 )
 print(cluster.scheduler_address, flush=True)
 sys.stdin.read()
