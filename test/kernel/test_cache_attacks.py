@@ -180,6 +180,7 @@ print(json.dumps([first, files, run(), run()]))
 """
 
 
+@pytest.mark.thorough
 def test_sources_that_change_while_code_is_saved(tmp_path: Path) -> None:
     assert processes(tmp_path, EDITED) == [[30, OVERLOADS], 1, [42, OVERLOADS], [42, 0]]
 

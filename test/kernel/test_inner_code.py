@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from support.forked import ended
 from support.reader import START_LIMIT, environment
 
@@ -122,6 +124,7 @@ for some in (parts, [rule for rule, _ in RULES_OF_TWO]):
 """
 
 
+@pytest.mark.thorough
 def test_parts_of_effects_and_rules_of_dual_numbers_are_such_code(tmp_path):
     assert printed(tmp_path, 'cache', '-c', OF_EFFECTS).splitlines() == ['True 0', 'True 0']
 

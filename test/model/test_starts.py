@@ -348,6 +348,7 @@ def test_what_is_not_examined_at_rest_is_said(monkeypatch: pytest.MonkeyPatch) -
     assert answers(parallelogram(flat, n))['initial velocities'] == (NOTE, said)
 
 
+@pytest.mark.thorough
 def test_a_thousand_freedoms_gained_at_once() -> None:
     n = 1000
     flat = {f'B{k}': [k + 1, 0] for k in range(n + 1)}

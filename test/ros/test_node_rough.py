@@ -68,7 +68,7 @@ def test_a_flood_of_commands_stops_neither_the_clock_nor_a_command(tmp_path, pee
         effort = serialize_message(JointState(name=['knee'], effort=[0.01]))
         started, first, sent = time.monotonic(), ns(clock[-1].clock), 0
         # 10 kHz, as far as one core sends that
-        while (now := time.monotonic()) - started < 2.0:
+        while (now := time.monotonic()) - started < 1.0:
             while sent < 10_000 * (now - started):
                 push.publish(command + struct.pack('<d', 1e-6 * sent))
                 joints.publish(effort)

@@ -149,6 +149,7 @@ def test_the_node_splits_and_thins_out(tmp_path):
     assert log.survey.lost == {} and compare(log).equal
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not NODE, reason='no node and npm')
 def test_the_readers_of_foxglove_read_split_recovered_and_bare_logs(tmp_path):
     from alf_ros.ros.recording.recover import recover

@@ -22,7 +22,7 @@ from alf_ros.studies.atlas.assembly_search import Assemblies
 from alf_ros.studies.atlas.random_places import RandomPlaces
 from support.thorough import LONG
 
-SEEDS = range(20 if LONG else 2)
+SEEDS = range(20 if LONG else 1)
 ROD = {'mass': 1.0, 'inertia': 'rod'}
 
 

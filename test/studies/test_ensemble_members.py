@@ -76,6 +76,7 @@ def test_other_integrators_and_instants_between_steps():
         ]
 
 
+@pytest.mark.thorough
 def test_processes_and_chunks_change_nothing():
     settings: dict[str, Any] = {
         'vary': {'coupler.mass': normal(1.0, 0.05)},

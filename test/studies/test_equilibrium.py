@@ -167,6 +167,7 @@ def coupled(**drives: object) -> Scene:
     return load_scene({'mechanism': mechanism, 'drives': drives, 'effects': GRAVITY})
 
 
+@pytest.mark.thorough
 def test_couplings_keep_their_phase_from_random_starts() -> None:
     found = equilibria(coupled(), starts=8)
     assert len(found) > 1
@@ -717,6 +718,7 @@ def test_none_names_the_part_that_falls() -> None:
         equilibrium(load_scene({'mechanism': mechanism, 'effects': GRAVITY}))
 
 
+@pytest.mark.thorough
 def test_none_under_the_weight_of_slides() -> None:
     """They have no stiffness: all of it is rounding, and so is its skew part."""
     x, y = [0.8, 0.6], [-0.4, 1.1]

@@ -211,6 +211,7 @@ def test_redundant_rows_change_nothing() -> None:
     assert path.rest(-1).reactions['pin1'].indeterminate
 
 
+@pytest.mark.thorough
 def test_a_mass_that_a_torque_can_lift() -> None:
     """A pendulum with a torque T rests at sin φ = T / (m g l): below m = T / (g l) at no angle."""
     scene = chain(1, {**GRAVITY, 'constant_wrench': {'on': 'b0', 'torque': 9.81 / 2.0}})
@@ -291,6 +292,7 @@ def test_over_the_time_of_a_drive() -> None:
     assert path.unit == 's' and path.rest(-1).t == 8.0 and not path.events
 
 
+@pytest.mark.thorough
 def test_over_the_time_of_a_table_with_a_sharp_corner() -> None:
     """The target of a motor turns back at 1 s: so does the path, by more than a right angle."""
     table = [[0.0, -0.5], [1.0, 0.5], [1.8, -1.5]]

@@ -588,6 +588,7 @@ solver: {step: 5.0e-3, integrator: dop853}
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ('begin', 'joint'), thinned([(0.0, 'elbow'), (3.3, 'shoulder')], keep=[(0.0, 'elbow')])
 )

@@ -18,7 +18,7 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import setup as settings
 from support.log_files import make
-from support.thorough import thinned
+from support.thorough import LONG, thinned
 
 TARGET, SPEED = 'targets.rail.position', 'targets.rail.velocity'
 MASS, STIFF, DAMPED = 2.5, 40.0, 8.0
@@ -76,7 +76,7 @@ def test_members_follow_their_targets(motor: Any) -> None:
         sampling='table',
         outputs=['final(points.P.x)'],
         duration=0.5,
-        workers=1,
+        workers=1 if LONG else 0,
     )
     wanted = [moved(x, v, 0.5) for x, v in zip(targets, speeds, strict=True)]
     np.testing.assert_allclose(found['final_points.P.x'], wanted, rtol=0, atol=1e-11)
