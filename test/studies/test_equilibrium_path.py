@@ -145,6 +145,7 @@ def test_a_tall_arch_sways_before_it_snaps() -> None:
             np.testing.assert_allclose(pull, [0.0, value], atol=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('height', thinned([2.6, 2.63, 2.6457, 2.646, 2.66], [2.6457]))
 def test_a_turn_and_a_branch_point_within_a_step(height: float) -> None:
     """Beside a height of √7 m one stiffness falls through zero where the other one rises."""
@@ -221,6 +222,7 @@ def test_a_mass_that_a_torque_can_lift() -> None:
     np.testing.assert_allclose(path.points['P1'][-1], [0.4, np.sqrt(1.0 - 0.16)], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_follower_load_without_potential() -> None:
     """A force across the last bar holds it at most upright to gravity: F = m g sin φ."""
     push = {'on': 'b1', 'at': 'P2', 'force': [0, 0], 'frame': 'body'}

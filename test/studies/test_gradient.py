@@ -100,6 +100,7 @@ def test_equals_the_tangents_in_every_scene(name: str) -> None:
     assert (np.abs(found - expected) <= 1e-11 * size.max(initial=0.0) + 1e-14).all()
 
 
+@pytest.mark.thorough
 def test_exact_over_ten_seconds() -> None:
     """B of the slider-crank after 10 s and eleven passes."""
     exact = slider_crank(10.0)
