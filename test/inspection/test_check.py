@@ -322,6 +322,7 @@ def test_the_picture_shows_the_mechanism(name: str, tmp_path: Path) -> None:
     assert 0.002 < (picture.min(axis=2) < 0.9).mean() < 0.5  # neither empty nor full
 
 
+@pytest.mark.thorough
 def test_without_matplotlib_it_answers_all_the_same(tmp_path: Path) -> None:
     code = (
         'import sys; sys.modules["matplotlib"] = None\n'

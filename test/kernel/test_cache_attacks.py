@@ -214,6 +214,7 @@ print(json.dumps([*found, end(*holder), run(), run(function='other')]))
 """
 
 
+@pytest.mark.thorough
 def test_functions_are_compiled_side_by_side(tmp_path: Path) -> None:
     """A process stops while it compiles `total`; another one compiles `other`."""
     found = processes(tmp_path, BESIDE)

@@ -155,6 +155,7 @@ print('square' in text, 'alwaysinline' in text)
 """
 
 
+@pytest.mark.thorough
 def test_it_is_the_same_whoever_calls_it_first(tmp_path):
     """A function called by its address is put into its C function, but not all that it calls."""
     (tmp_path / 'squares.py').write_text(INLINED)

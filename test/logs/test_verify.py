@@ -38,10 +38,10 @@ from alf_ros.studies.identification.recording_reader import read_recording
 from support.log_files import JOURNAL, Retold, make, push, rewritten
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, SimulatorProcess
-from support.thorough import LONG
+from support.thorough import LONG, thinned
 
 LIBRARY = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
-SAMPLE = ['slider_crank', 'rolling_disk', 'stewart_platform']
+SAMPLE = ['slider_crank', 'stewart_platform']
 SCENES = LIBRARY if LONG else SAMPLE
 SECONDS = 2.0
 LOSSY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -200,7 +200,7 @@ def one_bit_more(entry, bit=0):
     return {**entry, 'force': force.tolist()}
 
 
-@pytest.mark.parametrize('bit', [0, 1, 20, 51, 63])
+@pytest.mark.parametrize('bit', thinned([0, 1, 20, 51, 63], keep=[0, 51, 63]))
 def test_one_changed_bit_of_an_input_is_found_and_located(pushed, tmp_path, bit, capsys):
     edit = Retold(lambda k, entry: one_bit_more(entry, bit) if k == 3 else entry)
     spoilt = rewritten(pushed, tmp_path, change=edit)

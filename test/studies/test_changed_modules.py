@@ -49,6 +49,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return file
 
 
+@pytest.mark.thorough
 def test_a_worker_with_other_code_ends_the_study(module: Path) -> None:
     """It would have begun again for a worker that died, say."""
     study = load_study('study.yaml')

@@ -42,10 +42,11 @@ def test_a_crossed_four_bar_stays_crossed(a: float, spacing: float) -> None:
         assert_held(crossed, a, 1.0, calls(spacing, beside))
 
 
-@pytest.mark.parametrize('spacing', SPACINGS)
 @pytest.mark.parametrize(
-    ('bars', 'a', 'b'),
-    [(kite, 0.4, 1.1), (kite, 0.8, 1.0), (parallel, 0.4, 1.0), (parallel, 1.2, 0.9)],
+    ('bars', 'a', 'b', 'spacing'),
+    combined(
+        [(kite, 0.4, 1.1), (kite, 0.8, 1.0), (parallel, 0.4, 1.0), (parallel, 1.2, 0.9)], SPACINGS
+    ),
 )
 def test_kites_and_parallelograms_keep_their_branch(
     bars: Bars, a: float, b: float, spacing: float
