@@ -244,6 +244,7 @@ def test_on_every_position_the_loops_close() -> None:
                 assert np.abs(Linearised(found.model, q).phi).max() < 1e-12 * found.model.size
 
 
+@pytest.mark.thorough
 def test_no_part_is_mirrored_or_turned_round() -> None:
     """An RSSR and a spatial slider-crank have two circuits each; mirrored bodies are none."""
     for name in ('spatial_four_bar', 'spatial_slider_crank'):

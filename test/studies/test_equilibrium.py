@@ -85,6 +85,7 @@ effects: {gravity: {acceleration: [0, 0, -9.81]}}
 """
 
 
+@pytest.mark.thorough
 def test_bodies_at_rest_are_neither_mirrored_nor_turned_round() -> None:
     """Two crossed hinges: rests of the closed form V / g = b cos q1 - a sin q1, each of them once;
     b depends on q2, the turn of the second mass centre about the axis x of the first body."""
@@ -487,6 +488,7 @@ def test_a_long_chain_falls() -> None:
     np.testing.assert_allclose(found.points['P100'], [0.0, -100.0], atol=1e-11)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('links', thinned([150, 300, 650], keep=[300]))
 def test_all_links_of_a_long_chain_turn_at_once(links: int) -> None:
     """One after another they need more steps than a search has."""
@@ -697,6 +699,7 @@ def test_the_edge_of_a_force_with_two_freedoms_is_neutral(
     assert found.notes == ('a force has a kink here: the stiffness is of one side of it',)
 
 
+@pytest.mark.thorough
 def test_none_is_said_in_one_line() -> None:
     with pytest.raises(InputError, match='never stop doing work') as error:
         equilibrium(chain(1, {'constant_wrench': {'on': 'b0', 'torque': 1.0}}))

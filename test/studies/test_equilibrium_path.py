@@ -72,6 +72,7 @@ def tall_by(more: float) -> EquilibriumPath:
     return equilibrium_path(arch(height), over='load.force.1', end=-2600.0, back=500.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('more', thinned([0.0, 1e-9], [0.0]))
 def test_a_turn_and_a_branch_point_in_one_position(more: float) -> None:
     """At y = 1 both stiffnesses, along l³ = l₀ and across l³ - l₀ l² + l₀ = 0, vanish."""
@@ -165,6 +166,7 @@ def test_a_turn_and_a_branch_point_within_a_step(height: float) -> None:
     assert path.events[1].after == path.events[2].before == between
 
 
+@pytest.mark.thorough
 def test_a_turn_at_a_branch_point_is_a_position_of_rest() -> None:
     """Where both stiffnesses vanish, no force has a size. It ended with a KeyError."""
     path = tall_by(0.0)

@@ -90,6 +90,7 @@ def test_starts_that_measurements_hardly_see_stay_slow() -> None:
             assert np.abs(window.chart.known @ start).max() < 1.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('begin', thinned([0.9, 1.2], keep=[0.9]))
 def test_messages_missing_over_a_singular_position(begin: float) -> None:
     """The knee turns by more than half a turn without a measurement, once also where a window

@@ -260,6 +260,7 @@ def test_a_start_outside_the_bounds_asked_for_is_refused() -> None:
         optimise(scene, {'joint_friction.viscous': [0, 5]}, 'final(energy)', duration=0.1)
 
 
+@pytest.mark.thorough
 def test_steps_to_impossible_designs_are_refused() -> None:
     """The shorter its ground, the better; where a + b = c + d the crank no longer goes round."""
     found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)
