@@ -111,7 +111,6 @@ _FIRST = (
     'project/test_packaging.py',
     'studies/test_ensemble_kills.py',
     'model/test_softest.py',
-    'project/test_new_user.py',
     'studies/test_work_precision.py',
     'ros/test_view.py',
 )
