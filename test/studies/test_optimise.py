@@ -22,7 +22,7 @@ from alf_ros.studies.optimisation.free_design import FreeDesign
 from alf_ros.studies.optimisation.instants import DesignMotion
 from support.arm import arm
 from support.design_scenes import BARS, coupler_point, four_bar, sprung_block, whirled_bob
-from support.thorough import LONG, thinned
+from support.thorough import thinned
 
 SIXTH = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))  # central differences
 NEAR = [[0.1, 0.2], [0.0, 0.15], [0.15, 0.1]]
@@ -296,7 +296,7 @@ def test_starts_that_fail_are_rows() -> None:
         goal,
         duration=1.0,
         period=0.25,
-        starts=8 if LONG else 5,
+        starts=8,
         seed=3,
         workers=0,
     )

@@ -77,7 +77,7 @@ class EnsembleCommand:
         self.returncode: int | None = None
 
     def communicate(self, timeout: float) -> list[str]:
-        """What it said on both streams, when it has ended."""
+        """Its output on both streams, when it has ended."""
         self.returncode = self._process.wait(timeout)
         said = []
         for file in self._files:
