@@ -102,7 +102,6 @@ _FIRST = (
     'simulation/test_side_by_side.py',
     'studies/test_gradient.py',
     'project/test_install.py',
-    'ros/test_soak.py',
     'studies/test_equilibrium_path.py',
     'studies/test_optimise.py',
     'kernel/test_cache_attacks.py',

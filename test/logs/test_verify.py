@@ -43,7 +43,7 @@ from support.thorough import LONG, thinned
 LIBRARY = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
 SAMPLE = ['slider_crank', 'stewart_platform']
 SCENES = LIBRARY if LONG else SAMPLE
-SECONDS = 2.0
+SECONDS = 2.0 if LONG else 1.0
 LOSSY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 COORDINATES = ('A.x', 'A.y', 'B.x', 'B.y')
 TOPICS = 4  # wrenches on so many bodies or points, and efforts on all joints

@@ -7,20 +7,14 @@ import re
 import subprocess
 import sys
 
+import pytest
+
 from support.paths import ROOT
-from support.thorough import LONG
 
 
+@pytest.mark.thorough
 def test_two_nodes_are_commanded_stopped_and_killed() -> None:
-    command = [
-        sys.executable,
-        'benchmark/soak.py',
-        '--acts',
-        '6' if LONG else '4',
-        '--no-store',
-        '--seed',
-        '3',
-    ]
+    command = [sys.executable, 'benchmark/soak.py', '--acts', '6', '--no-store', '--seed', '3']
     done = subprocess.run(
         command,
         cwd=ROOT,
@@ -32,4 +26,4 @@ def test_two_nodes_are_commanded_stopped_and_killed() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     found = re.search(r'(\d+) acts, (\d+) logs verified, 0 faults', done.stdout)
     assert found is not None, done.stdout
-    assert int(found[1]) >= (6 if LONG else 4) and int(found[2]) >= 2
+    assert int(found[1]) >= 6 and int(found[2]) >= 2
