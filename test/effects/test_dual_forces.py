@@ -25,7 +25,7 @@ from support.thorough import LONG, thinned
 _EXACT = 2e-14  # of the largest force or slope: a hundred roundings
 _DISPLACED = 1e-12  # likewise: a stop that is hardly touched has a depth of few digits
 # how far states are from the motion, so that they lie on several branches of a law
-_SIZES = (0.0, *(10 if LONG else 3) * [0.03, 0.3], *(20 if LONG else 6) * [3.0])
+_SIZES = (0.0, *(10 if LONG else 2) * [0.03, 0.3], *(20 if LONG else 4) * [3.0])
 # functions that have no derivative, and why
 WITHOUT_DERIVATIVE = {
     'friction': 'it depends on the reactions, which it changes: tangents of a run refuse it',

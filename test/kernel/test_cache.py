@@ -169,6 +169,7 @@ def test_a_folder_that_cannot_be_written_is_read(folder):
     assert folders(folder) == files
 
 
+@pytest.mark.thorough
 def test_without_any_folder_each_process_compiles_for_itself(folder):
     (folder / 'cache').write_text('a file where the folder should be')
     assert run(folder, processes=2) == ([12.0, 0.0, 0.0], 7.0, 2 * COMPILED)

@@ -315,6 +315,7 @@ print(json.dumps([str(place) for one in sources for place in Folder.of(one, magi
 """
 
 
+@pytest.mark.thorough
 def test_sources_of_the_package_that_change_while_it_runs(tmp_path: Path) -> None:
     """Imported code still runs, and saves nothing; a law whose source has changed is refused."""
     shutil.copytree(

@@ -194,6 +194,7 @@ def both(x):
 """
 
 
+@pytest.mark.thorough
 def test_functions_of_one_name_stay_apart(tmp_path):
     """Two processes compile two functions of one name, each as its first: a third process has the
     code of both. LLVM took one for the other."""

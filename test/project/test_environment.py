@@ -10,7 +10,6 @@ import sys
 import pytest
 
 from support.paths import ROOT
-from support.thorough import LONG
 
 
 @pytest.fixture
@@ -58,8 +57,9 @@ def test_a_changed_requirement_is_installed_and_a_failure_takes_the_stamp(clone)
     assert not stamp.exists()
 
 
+@pytest.mark.thorough
 def test_a_setup_that_fails_leaves_no_stamp_and_starts_again(clone):
-    for _ in range(2 if LONG else 1):
+    for _ in range(2):
         done = setup(clone)
         assert done.returncode != 0
         assert 'setup: .venv with Python' in done.stdout
