@@ -95,6 +95,7 @@ def _samples_in_memory(_: Run | None = None) -> float:
     return sum(type(each) is Sample for each in gc.get_objects())
 
 
+@pytest.mark.thorough
 def test_members_together_are_read_sample_by_sample():
     """Half a gigabyte for sixteen slider-cranks, and twice the time: of samples that were kept."""
     vary = {'coupler.mass': uniform(0.9, 1.1)}
