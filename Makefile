@@ -19,7 +19,7 @@ help:
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
 	@echo 'make check   linters (of prose too), type checks, quick tests without a node and their coverage, under 90 s'
 	@echo 'make test    linters, type checks and all tests'
-	@echo 'make thorough   the same, with all cases of large families of tests, and with numpy 1'
+	@echo 'make thorough   the same, with all cases of large families of tests, all campaigns, and numpy 1'
 	@echo 'make newest [PYTHON=python3.13]   tests that need no ROS, with the newest versions of all libraries'
 	@echo 'make docs [ARGS=--no-films]   the documentation site: build/docs/html/index.html'
 	@echo 'make fuzz [ARGS="--minutes 60"]   files, logs and commands nobody would write, by the thousand'
@@ -64,7 +64,7 @@ check test: setup
 	wait $$types || failed="$$failed, mypy"; cat "$$said"; \
 	if [ -n "$$failed" ]; then echo "make $@: failed: $${failed#, }" >&2; exit 1; fi
 
-# Also cases that repeat what others prove (test/support/thorough.py).
+# Also cases and tests that repeat what others prove (test/support/thorough.py).
 thorough:
 	@ALF_ROS_LONG=1 $(MAKE) --no-print-directory test ARGS='$(ARGS)'
 

@@ -102,7 +102,6 @@ _FIRST = (
     'simulation/test_side_by_side.py',
     'studies/test_gradient.py',
     'project/test_install.py',
-    'ros/test_soak.py',
     'studies/test_equilibrium_path.py',
     'studies/test_optimise.py',
     'kernel/test_cache_attacks.py',
@@ -111,7 +110,6 @@ _FIRST = (
     'project/test_packaging.py',
     'studies/test_ensemble_kills.py',
     'model/test_softest.py',
-    'project/test_new_user.py',
     'studies/test_work_precision.py',
     'ros/test_view.py',
 )
@@ -119,11 +117,16 @@ _FIRST = (
 _WAITING = ('commands', 'project', 'ros')
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mix files that wait with files that compute, so that workers share the processor evenly.
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out tests of `make thorough`. Mix files that wait with files that compute, so that
+    workers share the processor evenly.
 
     Workers take the files in this order (`--no-loadscope-reorder`).
     """
+    if not LONG:
+        left = [item for item in items if item.get_closest_marker('thorough')]
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if not item.get_closest_marker('thorough')]
     folder = Path(__file__).parent
     files = list(dict.fromkeys(item.path for item in items))
     kinds: tuple[list[Path], list[Path]] = [], []

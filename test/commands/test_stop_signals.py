@@ -24,6 +24,7 @@ from support.ensemble_kills import (
     wait,
 )
 from support.ensemble_kills import STUDY as STUDY_OF_MEMBERS
+from support.thorough import thinned
 
 STUDY = """scene: block.yaml
 vary: {main.stiffness: [10, 100]}
@@ -33,7 +34,10 @@ duration: 0.6
 BOTH = pytest.mark.parametrize(('number', 'code'), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 
 
-@BOTH
+@pytest.mark.parametrize(
+    ('number', 'code'),
+    thinned([(signal.SIGINT, 130), (signal.SIGTERM, 143)], keep=[(signal.SIGTERM, 143)]),
+)
 def test_workers_end_before_their_command(number: int, code: int, tmp_path: Path) -> None:
     """They still import, and do not read their pipes yet."""
     (tmp_path / 'block.yaml').write_text(yaml.safe_dump(sprung_block()), 'utf-8')

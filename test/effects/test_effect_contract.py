@@ -23,8 +23,10 @@ from support.effect_examples import (
     LOADED,
     PLANAR,
     as_python,
+    in_plane_or_space,
     simulation,
 )
+from support.thorough import thinned
 
 _STORING = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_contact', 'tendon')
 CONSERVATIVE = {case for case in CASES if case[0] in _STORING and case not in DRIVEN}
@@ -91,7 +93,7 @@ def test_force_is_the_gradient_of_the_potential(kind: str, which: str) -> None:
             assert slope == 0.0
 
 
-@pytest.mark.parametrize('kind, which', CASES)
+@pytest.mark.parametrize('kind, which', thinned(CASES, in_plane_or_space))
 def test_power_is_the_rate_of_energy(kind: str, which: str) -> None:
     """dE/dt = Q·q̇ without what the potential counts; friction, dampers and drag only take."""
     sim = simulation(kind, which, step=1e-4)
@@ -143,7 +145,7 @@ class InPython:
         self.address = ctypes.cast(self._kept, ctypes.c_void_p).value
 
 
-@pytest.mark.parametrize('kind, which', CASES)
+@pytest.mark.parametrize('kind, which', thinned(CASES, in_plane_or_space))
 def test_a_run_in_python_is_the_compiled_run(
     kind: str, which: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -86,7 +86,10 @@ def test_lanes_have_the_bits_of_single_forces(kind: str, which: str) -> None:
 
 @pytest.mark.parametrize(
     ('kind', 'which', 'integrator'),
-    combined([case for case in CASES if case not in LOADED], ['rk4', 'dop853_adaptive']),
+    combined(
+        thinned([case for case in CASES if case not in LOADED], in_plane_or_space),
+        ['rk4', 'dop853_adaptive'],
+    ),
 )
 def test_runs_have_the_bits_of_single_runs(kind: str, which: str, integrator: str) -> None:
     """Members at other times, so that some of them part where the force has branches."""

@@ -32,6 +32,7 @@ def test_a_long_chain_of_frames(tmp_path: Path) -> None:
         imported(saved(tmp_path, 'it.sdf', ring))
 
 
+@pytest.mark.thorough
 def test_a_long_chain_of_mimics(tmp_path: Path) -> None:
     """Each joint is where the next one is, and a bit further; the last one leads."""
     parts = [LINK.replace('%s', f'l{n}') for n in range(LONG)]

@@ -21,6 +21,8 @@ from alf_ros.model.joints import type_of
 from alf_ros.scene.scene import scene_from_text
 from support.ball_scene import BALLS, NAMES
 from support.paths import ROOT
+from support.some_scenes import SOME_SCENES
+from support.thorough import thinned
 
 SCENES = sorted(path.stem for path in ROOT.glob('config/scenes/*.yaml'))
 
@@ -53,7 +55,7 @@ def link_poses(text: str, values: dict[str, float]) -> dict[str, tuple[Floats, F
     return {link.get('name'): pose(link.get('name')) for link in robot.iter('link')}
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', thinned(SCENES, keep=SOME_SCENES))
 def test_joint_states_move_the_links_as_the_bodies_move(name: str) -> None:
     simulation = Simulation(load_scene(name))
     simulation.step(300)

@@ -15,6 +15,7 @@ from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation.stiffness import stiffest
 from support.imported_motions import saved
 from support.paths import DATA
+from support.thorough import thinned
 
 pytest.importorskip('mujoco')
 
@@ -52,7 +53,7 @@ STIFF = {
 }
 
 
-@pytest.mark.parametrize('name', STIFF)
+@pytest.mark.parametrize('name', thinned(STIFF, keep=['spring', 'dry friction']))
 def test_stiff_fingers(tmp_path, name: str) -> None:
     """The section is implicit and names the effect; it runs, and keeps to its accuracy. rk4 with
     1 ms fails and says so, or lets dry friction creep."""
@@ -126,6 +127,7 @@ def test_stops_of_tendons_count_as_pressed(tmp_path) -> None:
     assert 'tendon as the stop of tendon.cord' in reasons(text)
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_kept_is_said() -> None:
     text = imported(str(DATA / 'robots' / 'leg.xml'), scene=True)
     scene = scene_from_text(text.partition('# The tolerance')[0])

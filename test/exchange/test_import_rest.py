@@ -13,6 +13,7 @@ from alf_ros import Simulation, equilibrium
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
+from support.thorough import thinned
 
 G, M, L, J = 9.81, 2.0, 0.3, 0.05  # J about the centre of mass
 SLIP = 1e-2  # of imported dry friction, rad/s or m/s
@@ -88,7 +89,7 @@ LIMITED = {
 }
 
 
-@pytest.mark.parametrize('name', LIMITED)
+@pytest.mark.parametrize('name', thinned(LIMITED, keep=['hinge.urdf', 'slide.xml']))
 def test_a_stop_carries_the_weight(name: str, tmp_path: Path) -> None:
     """k δ^1.5 is m g, or of a hinge m g l cos(UP + δ)."""
     if name.endswith('.xml'):

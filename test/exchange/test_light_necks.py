@@ -14,6 +14,7 @@ from alf_ros.errors import AssemblyError
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
+from support.thorough import combined
 
 ARM = (0.01, 0.02, 0.02, 0.0, 0.0, 0.0)  # kg m²
 HEAD = (0.01, 0.01, 0.01, 0.0, 0.0, 0.0)
@@ -66,8 +67,7 @@ def turned(path: str, links: int, steps: int) -> tuple[Floats, int, float]:
     return angles, simulation.evaluations, sample.energy - before
 
 
-@pytest.mark.parametrize('links', [2, 6])
-@pytest.mark.parametrize('moment', [1e-10, 1e-11, 1e-12])
+@pytest.mark.parametrize(('moment', 'links'), combined([1e-10, 1e-11, 1e-12], [2, 6]))
 def test_a_light_neck_moves_as_if_it_were_fixed(links: int, moment: float, tmp_path: Path) -> None:
     """Nothing turns the neck, and nothing feels how it is turned. Its rows were counted as
     dependent, and the robot refused for lengths that contradict each other."""

@@ -3,14 +3,14 @@ NaN for absent at some places."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import os
 from pathlib import Path
 
 import pytest
 
 from alf_ros import InputError
 from alf_ros.exchange.import_file import imported
+from support.forked import ended
 from support.imported_motions import saved
 
 mujoco = pytest.importorskip('mujoco')
@@ -139,8 +139,7 @@ def test_an_anchor_without_numbers_is_one_line(tmp_path: Path) -> None:
     """In a process of its own: MuJoCo may hang after such a failure."""
     more = '</worldbody><equality><connect body1="b" anchor=""/></equality><worldbody>'
     path = saved(tmp_path, 'it.xml', mjcf().replace('</worldbody>', more + '</worldbody>'))
-    command = [sys.executable, '-m', 'alf_ros', 'import', path]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert ended.returncode == 2
-    assert 'MuJoCo refuses it' in ended.stderr
-    assert ended.stderr.count('\n') == 1
+    done = ended(['-m', 'alf_ros', 'import', path], tmp_path, {**os.environ}, 120.0)
+    assert done.returncode == 2
+    assert 'MuJoCo refuses it' in done.stderr
+    assert done.stderr.count('\n') == 1

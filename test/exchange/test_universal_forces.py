@@ -17,6 +17,7 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
+from support.thorough import combined
 
 DAMPING, FRICTION = np.array([0.03, 0.05]), np.array([0.0, 0.08])
 STIFFNESS, REST = np.array([2.0, 8.0]), np.array([-0.5, 1.2])
@@ -82,8 +83,9 @@ def reference(order: list[int], sign: float) -> Floats:
     return np.asarray(found.y[:2, -1])
 
 
-@pytest.mark.parametrize('kind', ['universal', 'revolute2'])
-@pytest.mark.parametrize('moves', ['child', 'parent'])
+@pytest.mark.parametrize(
+    ('kind', 'moves'), combined(['universal', 'revolute2'], ['child', 'parent'])
+)
 def test_each_axis_has_its_forces(tmp_path: Path, kind: str, moves: str) -> None:
     """Also where the parent is what moves: the second axis is then on the ground, and comes
     first."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import csv
+import os
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,10 @@ from matplotlib.image import imread
 import alf_ros
 from alf_ros import InputError, Run, Simulation, load_scene, record
 from alf_ros.scene.scene import scene_from_text
+from support.forked import ended
 from support.parallel_cranks import THREE_CRANKS
 from support.paths import ROOT
+from support.reader import START_LIMIT
 
 SCENES = ('slider_crank', 'wiper', 'stewart_platform', 'screw_jack')
 
@@ -265,9 +266,11 @@ def test_pictures_that_cannot_be(crank: Run, tmp_path: Path) -> None:
         ('xarray', 'xarray()', "a Dataset needs xarray: pip install 'alf_ros[table]'"),
     ],
 )
-def test_without_what_only_one_way_out_needs(module: str, call: str, message: str) -> None:
+def test_without_what_only_one_way_out_needs(
+    module: str, call: str, message: str, tmp_path: Path
+) -> None:
     """Blocked from the start: the others work, and this one says in one line what to install."""
-    code = f"""
+    (tmp_path / 'blocked.py').write_text(f"""
 import sys
 sys.modules['{module}'] = None
 from alf_ros import InputError, Simulation, load_scene, record
@@ -277,8 +280,8 @@ try:
     run.{call}
 except InputError as error:
     print(error)
-"""
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, cwd=ROOT)
+""")
+    done = ended(['blocked.py'], tmp_path, {**os.environ, 'PYTHONPATH': str(ROOT)}, START_LIMIT)
     assert (done.stdout.strip(), done.stderr) == (message, '')
 
 

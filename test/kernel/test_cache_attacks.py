@@ -180,6 +180,7 @@ print(json.dumps([first, files, run(), run()]))
 """
 
 
+@pytest.mark.thorough
 def test_sources_that_change_while_code_is_saved(tmp_path: Path) -> None:
     assert processes(tmp_path, EDITED) == [[30, OVERLOADS], 1, [42, OVERLOADS], [42, 0]]
 
@@ -213,6 +214,7 @@ print(json.dumps([*found, end(*holder), run(), run(function='other')]))
 """
 
 
+@pytest.mark.thorough
 def test_functions_are_compiled_side_by_side(tmp_path: Path) -> None:
     """A process stops while it compiles `total`; another one compiles `other`."""
     found = processes(tmp_path, BESIDE)
@@ -313,6 +315,7 @@ print(json.dumps([str(place) for one in sources for place in Folder.of(one, magi
 """
 
 
+@pytest.mark.thorough
 def test_sources_of_the_package_that_change_while_it_runs(tmp_path: Path) -> None:
     """Imported code still runs, and saves nothing; a law whose source has changed is refused."""
     shutil.copytree(

@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from support.forked import ended
 from support.reader import START_LIMIT, environment
 
@@ -122,6 +124,7 @@ for some in (parts, [rule for rule, _ in RULES_OF_TWO]):
 """
 
 
+@pytest.mark.thorough
 def test_parts_of_effects_and_rules_of_dual_numbers_are_such_code(tmp_path):
     assert printed(tmp_path, 'cache', '-c', OF_EFFECTS).splitlines() == ['True 0', 'True 0']
 
@@ -152,6 +155,7 @@ print('square' in text, 'alwaysinline' in text)
 """
 
 
+@pytest.mark.thorough
 def test_it_is_the_same_whoever_calls_it_first(tmp_path):
     """A function called by its address is put into its C function, but not all that it calls."""
     (tmp_path / 'squares.py').write_text(INLINED)
@@ -190,6 +194,7 @@ def both(x):
 """
 
 
+@pytest.mark.thorough
 def test_functions_of_one_name_stay_apart(tmp_path):
     """Two processes compile two functions of one name, each as its first: a third process has the
     code of both. LLVM took one for the other."""

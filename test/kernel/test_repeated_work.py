@@ -99,6 +99,7 @@ def libraries(folder: Path, how: str) -> dict[str, Any]:
     return {**found, 'printed': [json.loads(line) for line in done.stdout.splitlines()]}
 
 
+@pytest.mark.thorough
 def test_the_code_is_the_same(tmp_path: Path) -> None:
     less, all_of_it = (libraries(tmp_path, how) for how in ('less', 'all'))
     assert len(less) == 5

@@ -36,6 +36,7 @@ from support.log_files import Retold, make, rewritten
 from support.parallel_cranks import THREE_CRANKS
 from support.paths import ROOT
 from support.ros_node import START_LIMIT, SimulatorProcess
+from support.thorough import LONG
 
 needs_chromium = pytest.mark.skipif(not CHROMIUM, reason='no chromium here: apt install chromium')
 
@@ -85,7 +86,7 @@ def test_frames_are_evenly_spaced():
 
 
 def test_a_flood_of_commands_takes_bounded_memory():
-    orders, n, names = Orders(), 100_000, ['crank', 'coupler', 'A']
+    orders, n, names = Orders(), 100_000 if LONG else 40_000, ['crank', 'coupler', 'A']
     entries = [
         {'step': k, 'kind': 'wrench', 'name': names[k % 3], 'force': [float(k), 0.0]}
         for k in range(n)

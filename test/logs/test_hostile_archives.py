@@ -21,6 +21,7 @@ from alf_ros.logs.comparison import compare
 from alf_ros.ros.replay.sources import Redriven, message_class
 from alf_ros.simulation.saved_states import SavedStates
 from support.log_files import make, rewritten
+from support.thorough import combined
 
 LIFT = """
 from dataclasses import dataclass, field
@@ -140,8 +141,7 @@ NAMED = {  # what the scene names, with the digest of what lies there where {} s
 }
 
 
-@pytest.mark.parametrize('case', NAMED)
-@pytest.mark.parametrize('trusted', [False, True], ids=['', 'trusted'])
+@pytest.mark.parametrize(('trusted', 'case'), combined([False, True], NAMED))
 def test_what_a_scene_names_is_never_looked_for(archive, capsys, case, trusted):
     """Also where code is trusted: the text has to be in the log."""
     archive.plant('notes.py', 'folder/notes.py', 'gravity.py', 'a.py')

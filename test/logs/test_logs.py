@@ -25,7 +25,7 @@ from alf_ros.logs.cdr import Decoder
 from alf_ros.ros.recording import rosbag2_metadata
 from support.log_files import make, read_by_others, rewritten
 from support.paths import ROOT
-from support.thorough import thinned
+from support.thorough import combined, thinned
 
 TICKS = 400
 EFFECT = """
@@ -142,13 +142,15 @@ def test_pieces_are_the_whole_in_the_order_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('compression', 'chunking'),
-    thinned(  # only chunks are compressed
-        product(['NONE', 'LZ4', 'ZSTD'], [True, False]),
-        keep=lambda compression, chunking: chunking or compression == 'NONE',
+    ('compression', 'chunking', 'behind'),
+    combined(
+        thinned(  # only chunks are compressed
+            product(['NONE', 'LZ4', 'ZSTD'], [True, False]),
+            keep=lambda compression, chunking: chunking or compression == 'NONE',
+        ),
+        [False, True],
     ),
 )
-@pytest.mark.parametrize('behind', [False, True])
 def test_every_packing_reads_the_same(path, tmp_path, compression, chunking, behind):
     other = rewritten(path, tmp_path, CompressionType[compression], chunking, behind=behind)
     check_series(load(other), read_by_others(path))

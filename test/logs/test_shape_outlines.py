@@ -26,6 +26,7 @@ from alf_ros.ros.messages.shape_markers import shape_outline
 from alf_ros.simulation.display_geometry import Display, poses
 from support.browser import CHROMIUM, Browser
 from support.log_files import make
+from support.thorough import thinned
 
 needs_chromium = pytest.mark.skipif(not CHROMIUM, reason='no chromium here: apt install chromium')
 ARM: dict[str, Any] = {
@@ -170,7 +171,7 @@ def test_outlines_of_the_moving_picture(log: Path, tmp_path: Path) -> None:
 
 
 @needs_chromium
-@pytest.mark.parametrize('width', [1280, 390])
+@pytest.mark.parametrize('width', thinned([1280, 390], keep=[390]))
 def test_outlines_of_the_page_enclose_what_is_seen(log: Path, tmp_path: Path, width: int) -> None:
     """The convex hull of many places of each shape, projected by the page."""
     page = tmp_path / 'page.html'

@@ -17,6 +17,8 @@ from alf_ros.scene import overrides
 from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.simulation.member_numbers import Likeness, is_same, unlike
+from support.some_scenes import SOME_SCENES
+from support.thorough import LONG
 
 MEMBERS = 9
 RANDOM = np.random.default_rng(5)
@@ -135,7 +137,8 @@ def test_nothing_is_remembered_of_many_members() -> None:
 def test_members_of_the_library_are_read_together() -> None:
     """Masses always; lengths where rounding does not decide whether coefficients are zero."""
     with_lengths = set()
-    for name in sorted(resources.library('scenes')):
+    some = {*SOME_SCENES, 'double_pendulum', 'excavator', 'four_bar'}
+    for name in sorted(resources.library('scenes') if LONG else some):
         scene = load_scene(name)
         if len(scene.mechanism.bodies) > 30 or unlike(Simulation(scene)):
             continue

@@ -12,7 +12,7 @@ from alf_ros import AssemblyError, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.inspection.soundness import BAD, NOTE, examine
 from support.hinge_loop import hinge_loop
-from support.thorough import combined
+from support.thorough import LONG, combined, thinned
 
 STEPS = {'rk4': 1e-3, 'dop853': 5e-3, 'dop853_adaptive': 1e-2, 'esdirk43': 5e-3}
 
@@ -73,7 +73,8 @@ def run(scene: dict[str, Any], integrator: str, **options: Any) -> tuple[Simulat
 
 
 @pytest.mark.parametrize(
-    ('error', 'integrator'), combined([1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9], STEPS)
+    ('error', 'integrator'),
+    combined(thinned([1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9], [1e-14, 1e-12, 1e-9]), STEPS),
 )
 def test_redundant_cranks_are_made_equal(error: float, integrator: str) -> None:
     exact, energies = run(wheels(0.0), integrator)
@@ -150,8 +151,9 @@ def test_check_tells_what_is_adjusted_and_what_is_refused() -> None:
     found = examine(load_scene(wheels(1e-6)))
     (told,) = (a for a in found.answers if a.question == 'start')
     assert told.verdict == BAD and 'crank1_length by' in told.answer
-    found = examine(load_scene(wheels(0.0)))
-    assert found.sound and all(a.question != 'redundant lengths' for a in found.answers)
+    if LONG:
+        found = examine(load_scene(wheels(0.0)))
+        assert found.sound and all(a.question != 'redundant lengths' for a in found.answers)
 
 
 @pytest.mark.parametrize('name', ['bricard', 'double_wishbone', 'planetary_gear', 'scissor_lift'])

@@ -18,6 +18,7 @@ from alf_ros.model.ordinary_positions import ordinary
 from alf_ros.model.smooth_branch import SmoothBranch
 from alf_ros.studies.exact.crossed_bars import crossed_four_bars, crossed_mechanism
 from alf_ros.studies.exact.one_freedom import GRAVITY
+from support.thorough import LONG
 
 # crank and coupler (m), whether each loop is crossed, and the angle of the first crank where the
 # drawing stands: a way in coarse steps changed branches in their singular positions
@@ -100,7 +101,7 @@ def test_a_start_in_a_position_that_many_loops_share() -> None:
 
 def test_lengths_are_judged_at_random() -> None:
     random = np.random.default_rng(6)
-    for _ in range(20):
+    for _ in range(20 if LONG else 8):
         crossed = [bool(x) for x in random.integers(0, 2, random.integers(1, 4))]
         crank = round(float(random.uniform(0.1, 1.2)), 2)
         coupler = round(crank * float(random.uniform(1.2, 8.0)), 2)

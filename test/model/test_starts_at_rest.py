@@ -28,6 +28,7 @@ from support.singular_starts import (
     slope,
     velocities,
 )
+from support.thorough import combined
 
 # ------------------------------------------------------------------------------- shaky structures
 
@@ -61,8 +62,7 @@ def test_infinitesimally_mobile_only() -> None:
     assert verdict == BAD and 'infinitesimally mobile only (shaky)' in text
 
 
-@pytest.mark.parametrize('D', [2, 3])
-@pytest.mark.parametrize('angle', [0.05, 0.7, 2.0, 4.1])
+@pytest.mark.parametrize(('angle', 'D'), combined([0.05, 0.7, 2.0, 4.1], [2, 3]))
 def test_a_table_on_two_parallel_guides_is_not(D: int, angle: float) -> None:
     """Nothing turns, so that all that rows leave of an acceleration is rounding: with guides that
     lay aslant the start was refused."""

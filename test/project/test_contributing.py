@@ -23,6 +23,7 @@ def test_files_that_it_names_are_there(page: str) -> None:
     assert not gone
 
 
+@pytest.mark.thorough
 def test_the_plan_is_drawn_from_the_code(tmp_path: Path) -> None:
     code = (
         'import sys; sys.path.insert(0, "doc/pictures"); import plan, pathlib; '

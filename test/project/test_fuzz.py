@@ -17,9 +17,13 @@ sys.path.insert(0, str(ROOT / 'fuzz'))
 from campaign import campaign
 from worker import HARNESSES, harness
 
+from support.thorough import LONG, thinned
+
 CORPUS = {name: sorted((DATA / 'fuzz' / name).glob('*')) for name in HARNESSES}
 CASES = {'expressions': 3000, 'tables': 500, 'states': 100, 'robots': 20, 'scenes': 10}
 CASES |= {'logs': 5, 'commands': 10, 'services': 10}
+if not LONG:
+    CASES = {name: count if count < 20 else count // 3 for name, count in CASES.items()}
 
 
 @pytest.mark.parametrize('name', [name for name in HARNESSES if CORPUS[name]])
@@ -33,7 +37,7 @@ def test_what_was_found_once_is_found_no_more(name):
         getattr(tried, 'close', lambda: None)()
 
 
-@pytest.mark.parametrize('name', HARNESSES)
+@pytest.mark.parametrize('name', thinned(HARNESSES, lambda name: name != 'services'))
 def test_a_few_new_cases(name):
     """In a process of their own; such as nobody has tried yet, the same at every run."""
     tally = campaign(name, 1_000_000_000, count=CASES[name])

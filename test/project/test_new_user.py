@@ -8,10 +8,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from support.paths import ROOT
 from support.reader import environment
 
 
+@pytest.mark.thorough
 def test_an_own_mechanism_from_the_pages(tmp_path: Path) -> None:
     """Checked, run and plotted, with what the pages say; test_tutorial.py pushes the node."""
     output = tmp_path / 'new_user.csv'

@@ -32,3 +32,8 @@ def test_what_is_kept_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         thinned([1, 2], keep=[3])
     monkeypatch.setattr(thorough, 'LONG', True)
     assert [case.values for case in thinned([1, 2, 3], keep=[1])] == [(1,), (2,), (3,)]
+
+
+def test_whole_tests_are_left_to_make_thorough(request: pytest.FixtureRequest) -> None:
+    marked = [each for each in request.session.items if each.get_closest_marker('thorough')]
+    assert thorough.LONG or not marked

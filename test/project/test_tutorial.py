@@ -187,6 +187,7 @@ def test_library_without_ros(folder):
     assert output == promised
 
 
+@pytest.mark.thorough
 def test_own_mechanism(folder):
     """The scene of the tutorial runs as a node, and its point C is on the ellipse it promises."""
     command = made('make run SCENE=ellipse.yaml DURATION=2')

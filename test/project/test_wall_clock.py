@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 
 from support.paths import ROOT
+from support.syntax import parsed
 
 PACKAGE = ROOT / 'alf_ros'
+# in the text of each file with such a call
+MENTIONS = re.compile(r'\b(time|datetime|date|clock)\s*\.|get_clock|create_timer')
 READ = {'time', 'time_ns', 'now', 'today', 'utcnow', 'localtime', 'gmtime', 'strftime'}
 # whether a source has just changed: its digest is computed again; the name of the folder of a log;
 # the date of a stored result; the age of a port; the date in the name of a process
@@ -21,9 +25,11 @@ ALLOWED = {
 
 
 def calls() -> Iterator[tuple[str, str, ast.Call]]:
-    """Every call of an attribute: file, name and call."""
+    """Calls of attributes in files that may read a clock: file, name and call."""
     for path in sorted(PACKAGE.rglob('*.py')):
-        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+        if not MENTIONS.search(path.read_text('utf-8')):
+            continue
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
                 yield path.relative_to(PACKAGE).as_posix(), node.func.attr, node
 

@@ -54,17 +54,17 @@ def test_a_reader_of_a_free_run_and_of_its_replay_loses_nothing(tmp_path, peer):
 
 
 def test_a_reader_of_a_replay_at_rate_0_loses_nothing(tmp_path, peer):
-    path, _ = make(tmp_path, 'slider_crank', 3000)
+    path, _ = make(tmp_path, 'slider_crank', 2000)
     heard = peer.listen('/joint_states', JointState, DEEP)
     command = [sys.executable, '-m', 'alf_ros', 'replay', str(path.parent), '--paused']
     process = subprocess.Popen([*command, '--rate', '0'], env=ENVIRONMENT)
     try:
         peer.until(lambda: peer.node.count_publishers('/joint_states'), 'the replay')
         peer.call(SetBool, '/replay/pause', data=False)
-        peer.until(lambda: len(heard) >= 3001, 'the end')
+        peer.until(lambda: len(heard) >= 2001, 'the end')
     finally:
         process.wait(60)
-    assert len(heard) == 3001 and stamps(heard) == sorted(stamps(heard))
+    assert len(heard) == 2001 and stamps(heard) == sorted(stamps(heard))
 
 
 def test_queues_of_a_replay_hold_what_a_socket_does(tmp_path):

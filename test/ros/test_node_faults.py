@@ -69,6 +69,7 @@ def test_a_terminal_that_closes_ends_it_with_a_whole_log(tmp_path):
     assert log.damage == '' and compare(log).equal
 
 
+@pytest.mark.thorough
 def test_nohup_keeps_it_running(tmp_path):
     command = ['nohup', sys.executable, '-m', 'alf_ros', 'simulator', '--log-folder', 'logs']
     with open(tmp_path / 'out', 'w') as out:

@@ -149,6 +149,7 @@ def test_the_node_splits_and_thins_out(tmp_path):
     assert log.survey.lost == {} and compare(log).equal
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not NODE, reason='no node and npm')
 def test_the_readers_of_foxglove_read_split_recovered_and_bare_logs(tmp_path):
     from alf_ros.ros.recording.recover import recover
@@ -156,7 +157,7 @@ def test_the_readers_of_foxglove_read_split_recovered_and_bare_logs(tmp_path):
     install = ['npm', 'install', '--silent', '--no-audit', '--no-fund', *PACKAGES]
     subprocess.run(install, cwd=tmp_path, check=True, timeout=120)
     (tmp_path / 'read.js').write_text(JAVASCRIPT)
-    path, _ = make(tmp_path / 'whole', 'slider_crank', 300, split=Split(duration=0.2))
+    path, _ = make(tmp_path / 'whole', 'slider_crank', 300, split=Split(duration=0.3))
     files = load(path.parent).files
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(files[0].read_bytes()[:-3000])

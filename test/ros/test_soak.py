@@ -7,9 +7,12 @@ import re
 import subprocess
 import sys
 
+import pytest
+
 from support.paths import ROOT
 
 
+@pytest.mark.thorough
 def test_two_nodes_are_commanded_stopped_and_killed() -> None:
     command = [sys.executable, 'benchmark/soak.py', '--acts', '6', '--no-store', '--seed', '3']
     done = subprocess.run(

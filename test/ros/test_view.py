@@ -16,6 +16,7 @@ from alf_ros.errors import AlfError
 from alf_ros.ros.view.server import FILES, PAGE, Broadcast, Server
 from support.browser import CHROMIUM, Browser
 from support.ros_node import LIMIT, START_LIMIT, Diagnostics, SimulatorProcess
+from support.thorough import thinned
 from support.view_process import ViewProcess, view
 
 # ------------------------------------------------------------------------------------- the page
@@ -122,7 +123,7 @@ def test_a_port_that_is_none_is_one_line():
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', thinned([signal.SIGINT, signal.SIGTERM], keep=[signal.SIGINT]))
 def test_a_signal_ends_it(number):
     with ViewProcess(new=True) as process:
         assert process.stop(number) == 0

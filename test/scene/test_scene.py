@@ -24,6 +24,7 @@ from alf_ros.scene.scene import UNSAID, Scene, Solver, load_scene, scene_from_te
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.scene.text.yaml_writer import entry, serialise
+from support.thorough import LONG
 
 SCENES = sorted(path.stem for path in folder('scenes')[0].glob('*.yaml'))
 MECHANISMS = sorted(path.stem for path in folder('mechanisms')[0].glob('*.yaml'))
@@ -394,7 +395,7 @@ def _plain(node: yaml_document.Entry) -> object:
 def test_whatever_is_written_reads_back(loader: type, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(yaml_document, '_Loader', loader)
     rng = random.Random(7)
-    for _ in range(150):
+    for _ in range(150 if LONG else 60):
         data = entry({_random_text(rng): _random_value(rng, 3) for _ in range(4)})
         text = serialise(data)
         read = yaml_document.parse(text, None)

@@ -28,6 +28,7 @@ from alf_ros import (
     recorded,
 )
 from alf_ros.simulation.sensors import Sensors
+from support.thorough import thinned
 
 FREE: dict[str, Any] = {
     'mechanism': 'four_bar',
@@ -58,7 +59,9 @@ USES: dict[str, tuple[dict[str, Any], Callable[[Any], Any]]] = {
 }
 
 
-@pytest.mark.parametrize('name', USES)
+@pytest.mark.parametrize(
+    'name', thinned(USES, lambda name: name not in ('equilibria', 'equilibrium_path'))
+)
 def test_a_scene_a_file_and_a_mapping_are_one(name: str, tmp_path: Path) -> None:
     text, use = USES[name]
     path = tmp_path / 'scene.yaml'

@@ -15,7 +15,7 @@ from alf_ros.simulation import setup as settings
 from alf_ros.studies.exact import motions
 from alf_ros.studies.exact.motions import ExactMotion
 from support.effect_scenes import MASS
-from support.thorough import combined
+from support.thorough import LONG, combined
 
 MOTIONS = [
     motions.paper('slider_crank'),
@@ -82,7 +82,7 @@ def test_what_is_stiff_is_left_to_the_implicit_method(stiffness: float, picked: 
     assert budget is not None and budget.met
     exact = Simulation(scene, integrator='dop853_adaptive', step=0.05, tolerance=1e-10)
     error = 0.0
-    for _ in range(min(60, round(budget.horizon / 0.05))):
+    for _ in range(min(60 if LONG else 20, round(budget.horizon / 0.05))):
         simulation.step()
         exact.step()
         apart = simulation.sample().points['P'] - exact.sample().points['P']

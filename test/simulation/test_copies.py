@@ -27,6 +27,7 @@ from alf_ros.effects.contract.trajectory import through
 from alf_ros.kernel.numba_ext.structs import Struct
 from support.paths import ROOT
 from support.runs import RUNS, bits, made, scene
+from support.thorough import thinned
 
 COPIES: dict[str, Callable[[Any], Any]] = {
     'copy': copy.copy,
@@ -61,7 +62,7 @@ def test_a_copy_goes_on_by_itself_bit_for_bit(name: str, copied: str) -> None:
     assert bits(other.state) == bits(again.state)
 
 
-@pytest.mark.parametrize('copied', COPIES)
+@pytest.mark.parametrize('copied', thinned(COPIES, keep=['copy', 'pickle']))
 def test_a_copy_outlives_its_original(copied: str) -> None:
     sim = made('driven')
     sim.step(10)

@@ -192,7 +192,7 @@ def snaps(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         ),
         # each integrator but rk4 compiles an effect again: one of both effects for each
         keep=lambda told, integrator, behind: (
-            integrator == 'rk4'
+            (integrator == 'rk4' and (told == 'side') == (behind == 2.0))
             or (behind == 3.001 and (told == 'side') == (integrator == 'dop853_adaptive'))
         ),
     ),
@@ -247,13 +247,18 @@ def with_law(law: str, folder: Path, head: str = HEAD) -> Scene:
     return pendulum('law')
 
 
-@pytest.mark.parametrize('spelled', thinned(KINKS, keep=lambda spelled: spelled != 'max'))
+@pytest.mark.parametrize('spelled', thinned(KINKS, keep=['floor', 'if']))
 def test_kinks_of_own_effects_are_known_by_their_code(spelled: str, tmp_path: Path) -> None:
     """However they are written. Without it, adaptive steps of 1e-13 were off by 7e-6."""
     check_derivatives(with_law(KINKS[spelled], tmp_path))
 
 
-@pytest.mark.parametrize(('instant', 't'), [('0.4312', 0.431), ('params[at + 1]', 0.4)])
+@pytest.mark.parametrize(
+    ('instant', 't'),
+    thinned(
+        [('0.4312', 0.431), ('params[at + 1]', 0.4)], keep=lambda instant, t: instant != '0.4312'
+    ),
+)
 def test_a_force_that_jumps_at_an_instant(instant: str, t: float, tmp_path: Path) -> None:
     """Its effect must give the instant: only then it is known whether a number moves it."""
     scene = with_law(f'0.01 * params[at] if t > {instant} else 0.0', tmp_path)
@@ -276,7 +281,11 @@ TABLE = pieces(ROWS, cubic={})
 
 
 @pytest.mark.parametrize(
-    ('cubic', 'x', 'same'), [(True, 'x', True), (False, 'x', False), (False, 't', True)]
+    ('cubic', 'x', 'same'),
+    thinned(
+        [(True, 'x', True), (False, 'x', False), (False, 't', True)],
+        keep=lambda cubic, x, same: x == 't' or not same,
+    ),
 )
 def test_a_spline_and_known_instants_take_no_pieces(
     cubic: bool, x: str, same: bool, tmp_path: Path

@@ -23,6 +23,7 @@ import alf_ros
 from alf_ros import AlfError, InputError, Simulation, State, StepError, load_scene
 from alf_ros.simulation.input_values import NO_INPUTS, Target, Wrench
 from support.runs import bits
+from support.thorough import LONG
 
 SCENE: dict[str, Any] = {
     'mechanism': 'slider_crank',
@@ -231,7 +232,9 @@ def test_whatever_a_call_is_given_it_works_or_changes_nothing(name: str) -> None
     sim = simulation()
     start = sim.state
 
-    @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=60 if LONG else 25, deadline=None, suppress_health_check=list(HealthCheck)
+    )
     @given(st.data())
     def whatever(data: st.DataObject) -> None:
         arguments = dict(TAKEN[name])
@@ -342,7 +345,7 @@ def test_properties_change_nothing() -> None:
     assert told(sim) == before
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60 if LONG else 25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_simulation_is_made_or_refused_in_a_line(data: st.DataObject) -> None:
     names = [p for p in inspect.signature(Simulation).parameters if p not in ('scene', 'accuracy')]
@@ -384,7 +387,7 @@ RECORDED = {
 }
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60 if LONG else 25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_run_is_recorded_or_refused_in_a_line(data: st.DataObject) -> None:
     given: dict[str, Any] = {'simulation': Simulation(MADE), 'duration': 0.01}
@@ -468,7 +471,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize('study', STUDIES, ids=lambda study: study.__name__)
-@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12 if LONG else 6, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_study_is_made_or_refused_in_a_line(study: Any, data: st.DataObject) -> None:
     first = next(iter(STUDIES[study]))
@@ -497,7 +500,7 @@ def test_a_gradient_is_of_whole_steps(every: Any) -> None:
         alf_ros.gradient(MADE, **RIGHT[alf_ros.gradient], every=every)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60 if LONG else 25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(positions=JUNK, rates=JUNK, t=JUNK, table=JUNK)
 def test_loops_are_closed_or_the_call_is_refused_in_a_line(
     positions: Any, rates: Any, t: Any, table: Any

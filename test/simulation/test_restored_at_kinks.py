@@ -16,6 +16,7 @@ from alf_ros.effects.contract.trajectory import through
 from alf_ros.simulation.side_by_side import SideBySide
 from support.driven_mechanisms import TWO
 from support.runs import bits
+from support.thorough import combined
 
 STEPS = 60
 # rows of a drive on the grid of 0.01 s, of which some differ from k * 0.01 by rounding
@@ -92,8 +93,9 @@ def replace_effort(run: Simulation, k: int) -> None:
         run.clear_inputs()
 
 
-@pytest.mark.parametrize('integrator', INTEGRATORS)
-@pytest.mark.parametrize('settings', [{}, {'ledger': True}, {'watch': True}])
+@pytest.mark.parametrize(
+    ('settings', 'integrator'), combined([{}, {'ledger': True}, {'watch': True}], INTEGRATORS)
+)
 def test_also_where_inputs_are_replaced(integrator: str, settings: dict[str, Any]) -> None:
     scene = driven_arm(TURNING, {}, integrator=integrator)
     run, again = Simulation(scene, **settings), Simulation(scene, **settings)

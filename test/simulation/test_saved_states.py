@@ -17,6 +17,7 @@ from alf_ros.effects.contract.trajectory import through
 from alf_ros.simulation.saved_states import SavedStates, as_data, from_data
 from support.full_disk import small_files
 from support.runs import bits, made
+from support.thorough import LONG
 
 NAME = 'there'
 
@@ -176,7 +177,9 @@ TREES = st.recursive(
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60 if LONG else 25,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(data=st.data())
 def test_whatever_stands_in_a_state_it_is_read_or_refused(

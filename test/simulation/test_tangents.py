@@ -71,7 +71,7 @@ def test_masses_through_singular_passes() -> None:
         assert error < 3e-10, name
 
 
-@pytest.mark.parametrize('step', [1e-2 / 3.0, 1e-2])
+@pytest.mark.parametrize('step', thinned([1e-2 / 3.0, 1e-2], keep=[1e-2]))
 def test_steps_along_arcs_through_singular_passes(step: float) -> None:
     """Bars turn by up to 0.06 rad in a step: the tangents are as good as the motion, or 20 times
     less."""
@@ -252,7 +252,7 @@ def along_arcs(fast: Scene) -> dict[str, MotionTangent]:
     return found
 
 
-@pytest.mark.parametrize('name', NUMBERS)
+@pytest.mark.parametrize('name', thinned(NUMBERS, keep=NUMBERS[::2]))
 def test_numbers_along_arcs(fast: Scene, along_arcs: dict[str, MotionTangent], name: str) -> None:
     """A loop that quadratic rows close moves stages: how this way changes is left out."""
     expected = difference(
@@ -342,6 +342,7 @@ def test_copies_and_states_continue_bit_for_bit(robot: Scene) -> None:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('windows', thinned([0, 7], keep=[7]))
 def test_more_lanes(windows: int) -> None:
     """9 to 12 parameters share twelve lanes, 13 to 16 two registers, 17 two groups of that. Each

@@ -22,6 +22,7 @@ from alf_ros.studies.ensemble.member import Member, run_member
 from alf_ros.studies.ensemble.members_together import run_members
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
+from support.thorough import thinned
 
 FIXED: dict[str, list[Any]] = {'solver.integrator': ['dop853'], 'solver.step': [0.02]}
 ADAPTIVE = {'solver.integrator': ['dop853_adaptive'], 'solver.tolerance': [1e-8]}
@@ -131,7 +132,7 @@ def is_as_alone(made: Study, k: int, member: Member) -> None:
         assert array.tobytes() == own.tobytes()
 
 
-@pytest.mark.parametrize('n', range(len(STUDIES)))
+@pytest.mark.parametrize('n', thinned(range(len(STUDIES)), keep=[1, 3, 6, 7, 10, 11]))
 def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) -> None:
     made = study(*STUDIES[n])
     monkeypatch.setattr(members_together, '_side_by_side', lambda study, members: {})
@@ -183,7 +184,7 @@ def test_each_structure_has_members(n: int, monkeypatch: Any) -> None:
         is_as_alone(made, k, found[k])
 
 
-@pytest.mark.parametrize('n', range(len(TOGETHER)))
+@pytest.mark.parametrize('n', thinned(range(len(TOGETHER)), keep=[1, 3, 5, 6]))
 def test_members_that_are_read_together_need_no_scenes(n: int, monkeypatch: Any) -> None:
     scene, vary, structures = TOGETHER[n]
     made = study(scene, {**vary, **FIXED}, members=14 * width(), outputs=READ_TOGETHER)

@@ -12,7 +12,7 @@ import pytest
 from alf_ros import AlfError
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
-from alf_ros.studies.ensemble.crews import Processes
+from alf_ros.studies.ensemble.crews import Processes, ThisProcess
 from alf_ros.studies.ensemble.ensemble import conduct
 from alf_ros.studies.ensemble.study_reading import load_study
 from support.documented_effect import FILES
@@ -49,10 +49,11 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return file
 
 
+@pytest.mark.thorough
 def test_a_worker_with_other_code_ends_the_study(module: Path) -> None:
     """It would have begun again for a worker that died, say."""
     study = load_study('study.yaml')
-    whole = conduct(study, None, Processes(1))
+    whole = conduct(study, None, ThisProcess())
     module.write_text('FACTOR = 2.0\n')
     told = f'^module {module.stem}: not as when the study began; begin it again$'
     with pytest.raises(AlfError, match=told):

@@ -12,6 +12,7 @@ import pytest
 
 from alf_ros import Closure, InputError, Simulation, load_scene
 from alf_ros.arrays import Floats
+from support.thorough import LONG
 
 R, L = 0.3, 0.8  # m, crank and coupler
 SLIDER_CRANK: dict[str, Any] = {
@@ -235,7 +236,7 @@ def test_values_that_come_back_from_out_of_reach_are_met(noise: float) -> None:
     """Beyond the dead point by little or much, in one call or more, then back."""
     closure, random = Closure(SLIDER_CRANK, ['guide'], noise=noise), np.random.default_rng(17)
     pin = closure.joint_names.index('pin')
-    for _ in range(400):
+    for _ in range(400 if LONG else 150):
         closure.restart()
         there = np.linspace(0.7, random.choice([0.0, 0.1]), random.integers(2, 20))
         excess = 10.0 ** random.uniform(-16, -2)

@@ -9,7 +9,7 @@ import pytest
 
 from alf_ros.arrays import Floats
 from support.flat_four_bars import Bars, closure_of, crossed, kite, parallel, random_motion
-from support.thorough import combined
+from support.thorough import LONG, combined
 
 AT, AWAY = 1e-9, 1e-12  # m: in a flat position, and further than NEAR (rad) from it
 NEAR = 0.02
@@ -42,10 +42,11 @@ def test_a_crossed_four_bar_stays_crossed(a: float, spacing: float) -> None:
         assert_held(crossed, a, 1.0, calls(spacing, beside))
 
 
-@pytest.mark.parametrize('spacing', SPACINGS)
 @pytest.mark.parametrize(
-    ('bars', 'a', 'b'),
-    [(kite, 0.4, 1.1), (kite, 0.8, 1.0), (parallel, 0.4, 1.0), (parallel, 1.2, 0.9)],
+    ('bars', 'a', 'b', 'spacing'),
+    combined(
+        [(kite, 0.4, 1.1), (kite, 0.8, 1.0), (parallel, 0.4, 1.0), (parallel, 1.2, 0.9)], SPACINGS
+    ),
 )
 def test_kites_and_parallelograms_keep_their_branch(
     bars: Bars, a: float, b: float, spacing: float
@@ -66,7 +67,7 @@ def test_a_crank_that_turns_back_at_the_flat_position(a: float, beside: float) -
 
 def test_random_motions_through_flat_positions() -> None:
     random = np.random.default_rng(11)
-    for _ in range(150):
+    for _ in range(150 if LONG else 60):
         assert_held(*random_motion(random))
 
 

@@ -71,6 +71,7 @@ def test_a_stop_that_a_joint_only_touches(below: float) -> None:
     assert above == (-math.inf, math.inf)
 
 
+@pytest.mark.thorough
 def test_a_stop_of_the_active_joint_after_a_turn() -> None:
     scene = stopped(crank_pin={'lower': -9.0, 'upper': 7.5})
     assert travel(scene) == pytest.approx((-9.0, 7.5), abs=1e-12)

@@ -18,6 +18,7 @@ import pytest
 
 from support.ensemble_kills import (
     CLUSTER,
+    EnsembleCommand,
     begun,
     children,
     contents,
@@ -97,7 +98,7 @@ def _is_done(code: int, said: str) -> bool:
     return code == 0
 
 
-def _again(process: subprocess.Popen[str], whole: Whole, store: Path) -> subprocess.Popen[str]:
+def _again(process: EnsembleCommand, whole: Whole, store: Path) -> EnsembleCommand:
     """The same command behind the end of the last one; no finished chunk is made again. A study
     that is done begins again."""
     before = seals(store)
@@ -112,11 +113,11 @@ def _again(process: subprocess.Popen[str], whole: Whole, store: Path) -> subproc
 
 
 class Cluster:
-    """A LocalCluster of 2 workers in a process of its own."""
+    """A LocalCluster in a process of its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, workers: int = 1) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, '-c', CLUSTER],
+            [sys.executable, '-c', CLUSTER, str(workers)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -129,7 +130,7 @@ class Cluster:
             for pid in children(self.process.pid)
             if b'spawn_main' in Path(f'/proc/{pid}/cmdline').read_bytes()
         ]
-        assert len(self.workers) == 2, 'two workers'
+        assert len(self.workers) == workers
 
     def end(self) -> None:
         """Kill all of it."""
@@ -144,7 +145,7 @@ def test_each_process_of_a_cluster(
     whole: Whole, tmp_path: Path, kills: Iterator[random.Random]
 ) -> None:
     """A worker, then the client, then the scheduler; as often as there are kills."""
-    store, cluster = tmp_path / 'cluster.zarr', Cluster()
+    store, cluster = tmp_path / 'cluster.zarr', Cluster(workers=2)
     before: dict[str, tuple[int, int]] = {}
     try:
         for chance in kills:

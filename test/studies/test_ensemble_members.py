@@ -17,6 +17,7 @@ from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.distributions import normal, uniform
 from alf_ros.studies.ensemble.member import run_member
 from alf_ros.studies.ensemble.study_reading import load_study, study_of
+from support.thorough import combined
 
 DOWN, BELOW = 'gravity.acceleration.1', 'gravity.acceleration.2'
 # scene, what varies, duration (s): singular positions, space, redundant rows, drives
@@ -75,6 +76,7 @@ def test_other_integrators_and_instants_between_steps():
         ]
 
 
+@pytest.mark.thorough
 def test_processes_and_chunks_change_nothing():
     settings: dict[str, Any] = {
         'vary': {'coupler.mass': normal(1.0, 0.05)},
@@ -93,6 +95,7 @@ def _samples_in_memory(_: Run | None = None) -> float:
     return sum(type(each) is Sample for each in gc.get_objects())
 
 
+@pytest.mark.thorough
 def test_members_together_are_read_sample_by_sample():
     """Half a gigabyte for sixteen slider-cranks, and twice the time: of samples that were kept."""
     vary = {'coupler.mass': uniform(0.9, 1.1)}
@@ -101,7 +104,7 @@ def test_members_together_are_read_sample_by_sample():
         'samples': {'function': _samples_in_memory, 'reads': ['energy']},
     }
     study = study_of(
-        'slider_crank', vary, members=4, duration=0.2, period=0.01, outputs=kept, chunk=4
+        'slider_crank', vary, members=4, duration=0.1, period=0.01, outputs=kept, chunk=4
     )
     gc.collect()
     others = _samples_in_memory()  # which an earlier test has left
@@ -160,9 +163,9 @@ def test_a_long_reason_is_cut_between_words():
     assert whole.startswith(f'{kept} ')
 
 
-@pytest.mark.parametrize('workers', [0, 1])
 @pytest.mark.parametrize(
-    'error, said', [(ValueError('too much'), 'too much'), (SystemExit(3), '3')]
+    'workers, error, said',
+    combined([0, 1], [(ValueError('too much'), 'too much'), (SystemExit(3), '3')]),
 )
 def test_a_function_of_the_user_that_raises_is_a_reason(workers, error, said):
     def picky(run):

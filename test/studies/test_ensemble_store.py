@@ -21,7 +21,9 @@ from alf_ros.studies.ensemble.crews import ThisProcess
 from alf_ros.studies.ensemble.ensemble import conduct
 from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study_reading import load_study
+from support import forked
 from support.ensemble_kills import (
+    PATIENCE,
     begun,
     contents,
     ended,
@@ -378,15 +380,8 @@ def test_an_option_that_cannot_be_is_named(short, tmp_path, capsys, options, sai
 
 def test_no_scheduler_is_one_line(short, tmp_path):
     pytest.importorskip('distributed')
-    command = [sys.executable, '-m', 'alf_ros', 'ensemble', 'short.yaml']
-    done = subprocess.run(
-        [*command, '--scheduler', 'nonsense'],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = ['-m', 'alf_ros', 'ensemble', 'short.yaml', '--scheduler', 'nonsense']
+    done = forked.ended(command, tmp_path, environment(), PATIENCE)
     expected = "--scheduler: no scheduler answers, got 'nonsense'; expected tcp://host:port"
     assert (done.returncode, done.stderr) == (2, f'alf_ros ensemble: {expected}\n')
 

@@ -65,11 +65,18 @@ def shallow() -> tuple[EquilibriumPath, tuple[float, ...]]:
     return path, tuple(told)
 
 
-@pytest.mark.parametrize('more', thinned([0.0, 1e-9], [1e-9]))
+@cache
+def tall_by(more: float) -> EquilibriumPath:
+    """Of an arch that is higher by a part than the one in which both stiffnesses vanish."""
+    height = float(np.sqrt(7.0)) * (1.0 + more)
+    return equilibrium_path(arch(height), over='load.force.1', end=-2600.0, back=500.0)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize('more', thinned([0.0, 1e-9], [0.0]))
 def test_a_turn_and_a_branch_point_in_one_position(more: float) -> None:
     """At y = 1 both stiffnesses, along l³ = l₀ and across l³ - l₀ l² + l₀ = 0, vanish."""
-    height = float(np.sqrt(7.0)) * (1.0 + more)
-    path = equilibrium_path(arch(height), over='load.force.1', end=-5000.0, back=500.0)
+    path = tall_by(more)
     *_, both = path.events
     assert (both.kind, both.count) == ('branch', 2)
     assert [event.count for event in path.events] == [1, 2]
@@ -116,7 +123,7 @@ def test_a_tall_arch_sways_before_it_snaps() -> None:
     slack = np.hypot(1.0, 3.0)
     lengths = [z.real for z in np.roots([1.0, -slack, 0.0, slack]) if z.real > 1.0]
     heights = np.sqrt(np.square(sorted(lengths, reverse=True)) - 1.0)
-    path = equilibrium_path(arch(3.0), over='load.force.1', end=-2600.0, back=500.0)
+    path = equilibrium_path(arch(3.0), over='load.force.1', end=-2500.0, back=50.0)
     names = [event.name for event in path.events]
     assert names == ['branch 1', 'turn 1', 'branch 2']
     for event, height in zip(path.branch_points, heights, strict=True):
@@ -126,7 +133,7 @@ def test_a_tall_arch_sways_before_it_snaps() -> None:
     assert path.branch_points[0].before == 'stable'
 
     sides = path.follow('branch 1')
-    assert len(sides) == 2 and all('500' in side.ending for side in sides)
+    assert len(sides) == 2 and all('50' in side.ending for side in sides)
     ends = np.array([side.points['P'][-1] for side in sides])
     np.testing.assert_allclose(ends[0], ends[1] * [-1.0, 1.0], atol=1e-9)
     for side in sides:
@@ -139,7 +146,8 @@ def test_a_tall_arch_sways_before_it_snaps() -> None:
             np.testing.assert_allclose(pull, [0.0, value], atol=1e-7)
 
 
-@pytest.mark.parametrize('height', thinned([2.6, 2.63, 2.6457, 2.646, 2.66], [2.6, 2.6457]))
+@pytest.mark.thorough
+@pytest.mark.parametrize('height', thinned([2.6, 2.63, 2.6457, 2.646, 2.66], [2.6457]))
 def test_a_turn_and_a_branch_point_within_a_step(height: float) -> None:
     """Beside a height of √7 m one stiffness falls through zero where the other one rises."""
     slack = np.hypot(1.0, height)
@@ -158,13 +166,15 @@ def test_a_turn_and_a_branch_point_within_a_step(height: float) -> None:
     assert path.events[1].after == path.events[2].before == between
 
 
+@pytest.mark.thorough
 def test_a_turn_at_a_branch_point_is_a_position_of_rest() -> None:
     """Where both stiffnesses vanish, no force has a size. It ended with a KeyError."""
-    path = equilibrium_path(arch(np.sqrt(7.0)), over='load.force.1', end=-2600.0, back=500.0)
+    path = tall_by(0.0)
     np.testing.assert_allclose(path['P.y'], path.points['P'][:, 1])
     assert path.events[-1].value == pytest.approx(-2000.0, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_an_imperfect_arch_has_no_pitchfork() -> None:
     scene = with_changes(arch(3.0), {'load.force.0': '1.0'})
     path = equilibrium_path(scene, over='load.force.1', end=-2000.0, back=100.0)
@@ -204,15 +214,17 @@ def test_redundant_rows_change_nothing() -> None:
     assert path.rest(-1).reactions['pin1'].indeterminate
 
 
+@pytest.mark.thorough
 def test_a_mass_that_a_torque_can_lift() -> None:
     """A pendulum with a torque T rests at sin φ = T / (m g l): below m = T / (g l) at no angle."""
     scene = chain(1, {**GRAVITY, 'constant_wrench': {'on': 'b0', 'torque': 9.81 / 2.0}})
-    path = equilibrium_path(scene, over='b0.mass', end=0.1, back=2.0)
+    path = equilibrium_path(scene, over='b0.mass', end=0.1, back=1.25)
     assert [event.name for event in path.events] == ['turn 1']
     assert path.turns[0].value == pytest.approx(0.5, rel=1e-12)
-    np.testing.assert_allclose(path.points['P1'][-1], [0.25, np.sqrt(1.0 - 0.0625)], atol=1e-12)
+    np.testing.assert_allclose(path.points['P1'][-1], [0.4, np.sqrt(1.0 - 0.16)], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_follower_load_without_potential() -> None:
     """A force across the last bar holds it at most upright to gravity: F = m g sin φ."""
     push = {'on': 'b1', 'at': 'P2', 'force': [0, 0], 'frame': 'body'}
@@ -284,6 +296,7 @@ def test_over_the_time_of_a_drive() -> None:
     assert path.unit == 's' and path.rest(-1).t == 8.0 and not path.events
 
 
+@pytest.mark.thorough
 def test_over_the_time_of_a_table_with_a_sharp_corner() -> None:
     """The target of a motor turns back at 1 s: so does the path, by more than a right angle."""
     table = [[0.0, -0.5], [1.0, 0.5], [1.8, -1.5]]
@@ -296,7 +309,9 @@ def test_over_the_time_of_a_table_with_a_sharp_corner() -> None:
     np.testing.assert_allclose(torque, 9.81 * np.cos(angle), atol=1e-8)
 
 
-@pytest.mark.parametrize(('over', 'end'), [('b', 0.33), ('spring.stiffness', 0.0)])
+@pytest.mark.parametrize(
+    ('over', 'end'), thinned([('b', 0.33), ('spring.stiffness', 0.0)], keep=[('b', 0.33)])
+)
 def test_the_last_point_is_what_equilibrium_finds(over: str, end: float) -> None:
     scene = sprung('four_bar')
     path = equilibrium_path(scene, over=over, end=end)
@@ -335,16 +350,12 @@ def test_a_picture_shows_the_path(tmp_path: Path) -> None:
 
 
 def test_a_rotor_does_not_keep_a_path_from_its_start() -> None:
-    """The crank is back after a turn; its rotor has turned."""
-    motor = {'joint': 'crank_pin', 'armature': 0.05}
-    scenes = [
-        load_scene({'mechanism': 'four_bar', 'effects': effects})
-        for effects in (GRAVITY, {**GRAVITY, 'motor': motor})
-    ]
-    bare, geared = (equilibrium_path(scene, over='crank_pin.effort', end=0.3) for scene in scenes)
-    assert bare.ending == geared.ending == 'it comes back to its start'
-    events = [event.value for event in bare.events]
-    np.testing.assert_allclose([event.value for event in geared.events], events, rtol=1e-9)
+    """The bar is back after a turn; its rotor has turned."""
+    scene = chain(1, {**GRAVITY, 'motor': {'joint': 'j0', 'armature': 0.05}})
+    path = equilibrium_path(scene, over='j0.effort', end=20.0)
+    assert path.ending == 'it comes back to its start'
+    found = sorted(event.value for event in path.events)
+    np.testing.assert_allclose(found, [-9.81, 9.81], rtol=1e-11)
 
 
 @pytest.mark.parametrize(

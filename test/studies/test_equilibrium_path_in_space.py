@@ -39,6 +39,7 @@ def test_stability_between_two_branch_points_of_a_step() -> None:
     assert (first.before, first.after, second.before) == ('stable', 'unstable', 'unstable')
 
 
+@pytest.mark.thorough
 def test_three_branch_points_within_a_step() -> None:
     """The column falls over until it hangs, where its number turns: there it crosses the path
     that hangs, and on both sides it becomes unstable sideways."""

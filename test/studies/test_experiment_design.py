@@ -92,6 +92,7 @@ def coasting() -> Identification:
     return identify(scene(), motion.recording(NOISE, seed=5), names, window=1.0)
 
 
+@pytest.mark.thorough
 def test_a_refit_has_the_deviations_of_the_design(tmp_path: Path) -> None:
     """Known efforts tell the factor, in a plan without measurements as in the bag of a machine
     that has them."""

@@ -103,7 +103,7 @@ def test_stability_along_a_path_of_loads() -> None:
     assert set(wanted) == {'stable', 'unstable'} and (~apart).sum() == 1
 
 
-@pytest.mark.parametrize('damping', thinned([0.0, 0.01, 0.3], keep=[0.0, 0.3]))
+@pytest.mark.parametrize('damping', thinned([0.0, 0.01, 0.3], keep=[0.3]))
 def test_flutter_is_an_event_of_a_path(damping: float) -> None:
     path = equilibrium_path(column(1.0, damping), over='constant_wrench.force.0', end=-2.6)
     (event,) = path.events

@@ -25,7 +25,7 @@ from support.arm import arm
 from support.dot_products import dot_products
 from support.some_scenes import SOME_SCENES
 from support.tangent_robot import NUMBERS, ROBOT
-from support.thorough import LONG, thinned
+from support.thorough import LONG, combined, thinned
 
 FIXED: dict[str, Any] = {'step': 1e-2 / 7.0}
 ARM = arm(1.0)
@@ -39,8 +39,13 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     return load_scene(path)
 
 
-@pytest.mark.parametrize('settings', [FIXED, ADAPTIVE], ids=['fixed', 'adaptive'])
-@pytest.mark.parametrize('solution', [slider_crank, double_four_bar])
+@pytest.mark.parametrize(
+    ('solution', 'settings'),
+    combined(
+        [slider_crank, double_four_bar],
+        [pytest.param(FIXED, id='fixed'), pytest.param(ADAPTIVE, id='adaptive')],
+    ),
+)
 def test_equals_the_tangents_through_singular_passes(
     solution: Any, settings: dict[str, Any]
 ) -> None:
@@ -54,13 +59,20 @@ def test_equals_the_tangents_through_singular_passes(
 
 @pytest.mark.parametrize(
     ('steps', 'settings'),
-    [(200, {}), (20, {'step': 1e-2}), (10, {'step': 2e-2, 'integrator': 'dop853'})],
-    ids=['short', 'rk4', 'dop853'],
+    thinned(
+        [
+            pytest.param(200, {}, id='short'),
+            pytest.param(20, {'step': 1e-2}, id='rk4'),
+            pytest.param(10, {'step': 2e-2, 'integrator': 'dop853'}, id='dop853'),
+        ],
+        keep=lambda steps, settings: steps != 10,
+    ),
 )
 def test_equals_the_tangents_for_all_kinds_of_numbers(
     robot: Scene, steps: int, settings: dict[str, Any]
 ) -> None:
     """Also where bars turn so far in a step that it is added up along arcs."""
+    steps = steps if LONG else min(steps, 60)
     expected, found, size = dot_products(robot, NUMBERS, steps, **settings)
     for name, one, other, scale in zip(NUMBERS, found, expected, size, strict=True):
         assert abs(one - other) <= 1e-13 * scale, name
@@ -88,6 +100,7 @@ def test_equals_the_tangents_in_every_scene(name: str) -> None:
     assert (np.abs(found - expected) <= 1e-11 * size.max(initial=0.0) + 1e-14).all()
 
 
+@pytest.mark.thorough
 def test_exact_over_ten_seconds() -> None:
     """B of the slider-crank after 10 s and eleven passes."""
     exact = slider_crank(10.0)
@@ -120,7 +133,14 @@ OBSERVED = (
     'final(reactions.foot.force.x)',
 )
 # of each fold, and of each kind of quantity, one stays
-REPEATED = ('final(velocities.B.y)', 'max(norm(velocities.B))', 'min(points.A.y)')
+REPEATED = (
+    'final(velocities.B.y)',
+    'max(norm(velocities.B))',
+    'min(points.A.y)',
+    'mean(knee.position)',
+    'integral(abs(foot.velocity))',
+    'final(reactions.foot.force.x)',
+)
 
 
 CHANGED = ('m', 'a', 'pull.stiffness', 'initial.velocities.A.0')
@@ -147,10 +167,11 @@ def test_numbers_of_a_run(
     """Against differences of sixth order of runs with other numbers."""
     of = OBSERVED[n]
     weights = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
-    found = gradient(Simulation(robot), of, CHANGED, duration=0.2, every=1)
+    duration = 0.2 if LONG else 0.1
+    found = gradient(Simulation(robot), of, CHANGED, duration=duration, every=1)
 
     def value(name: str, change: float) -> float:
-        return gradient(changed(name, change), of, ['rub.viscous'], duration=0.2).value
+        return gradient(changed(name, change), of, ['rub.viscous'], duration=duration).value
 
     for name in CHANGED if LONG else [CHANGED[n % 4]]:
         size = 1e-3 * overrides.number(robot, name)
@@ -169,7 +190,7 @@ def test_numbers_of_an_implicit_run(robot: Scene, n: int) -> None:
             Simulation(robot, integrator=integrator, tolerance=tolerance),
             OBSERVED[n],
             CHANGED,
-            duration=0.2,
+            duration=0.2 if LONG else 0.1,
             every=1,
         )
         for integrator, tolerance in (('esdirk43_adaptive', 1e-9), ('dop853_adaptive', 1e-12))
@@ -180,14 +201,17 @@ def test_numbers_of_an_implicit_run(robot: Scene, n: int) -> None:
 
 @pytest.mark.parametrize(
     ('name', 'quantity'),
-    [
-        ('delta_robot', 'reactions.motor0.force.x'),
-        ('rolling_disk', 'reactions.rim.force.z'),
-        ('screw_jack', 'energy'),
-        ('stewart_platform', 'kinetic_energy'),
-        ('bricard', 'powers.gravity'),
-        ('wheeled_robot', 'energy'),
-    ],
+    thinned(
+        [
+            ('delta_robot', 'reactions.motor0.force.x'),
+            ('rolling_disk', 'reactions.rim.force.z'),
+            ('screw_jack', 'energy'),
+            ('stewart_platform', 'kinetic_energy'),
+            ('bricard', 'powers.gravity'),
+            ('wheeled_robot', 'energy'),
+        ],
+        keep=lambda name, quantity: name not in ('stewart_platform', 'wheeled_robot'),
+    ),
 )
 def test_quantities_equal_their_tangents(name: str, quantity: str) -> None:
     """In space, with wheels, screws, drives and redundant rows: a sample differentiates along the
@@ -478,6 +502,7 @@ def test_an_accuracy_picks_an_explicit_integrator() -> None:
     assert found.by[name] == pytest.approx(tangent, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_an_energy_beside_a_contact_that_begins() -> None:
     """The heel of the leg stands on its spring of exponent 1.5, close to the place at which it
     leaves: differences across this place are off by a thousandth."""

@@ -231,6 +231,7 @@ def test_a_table_that_was_interrupted_leaves_the_one_before(
     assert (tmp_path / 'hard_cases.csv').read_text() == 'before'
 
 
+@pytest.mark.thorough
 def test_without_matplotlib_there_are_results_but_no_picture(tmp_path: Path) -> None:
     code = (
         'import sys; sys.modules["matplotlib"] = None\n'

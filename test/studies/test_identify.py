@@ -25,6 +25,7 @@ from alf_ros.studies.identification.recording import MeasuredChannel
 from support.gripper import GRIPPER
 from support.log_files import make
 from support.recordings import SLIDER_CRANK, Machine, changed, pushes, scene
+from support.thorough import LONG, thinned
 
 FIT = ['coupler.mass', 'pin.viscous']
 TRUE = np.array([1.3, 0.4])
@@ -53,7 +54,13 @@ def test_without_noise_the_numbers_are_exact() -> None:
 IMPLICIT: dict[str, Any] = {'solver.integrator': 'esdirk43_adaptive', 'solver.tolerance': 1e-8}
 
 
-@pytest.mark.parametrize('settings, seal', [({}, 1.3), (IMPLICIT, 1.3), (IMPLICIT, 130.0)])
+@pytest.mark.parametrize(
+    'settings, seal',
+    thinned(
+        [({}, 1.3), (IMPLICIT, 1.3), (IMPLICIT, 130.0)],
+        keep=lambda settings, seal: (settings == {}) == (seal == 1.3),
+    ),
+)
 def test_a_gripper_with_two_loops(settings: dict[str, Any], seal: float) -> None:
     """Without noise its finger, spring, damper and friction are exact, from numbers 10 % off; also
     with an implicit integrator, and a seal so stiff that explicit ones would be slow."""
@@ -73,7 +80,7 @@ def test_starts_that_measurements_hardly_see_stay_slow() -> None:
     inputs = [push for k, j in enumerate(joints) for push in pushes(j, 2.0 + 0.4 * k, 2.0, 0.2)]
     inputs.sort(key=lambda push: push.t)
     moved = Machine(changed(of, true), joints, 2.0, inputs=inputs)
-    for seed in (20, 218, 624):
+    for seed in (20, 218, 624) if LONG else (20,):
         recording = moved.recording(1e-4, seed, delay=0.0078)
         found = identify(of, recording, list(true), window=1.0, delay=True)
         off = (found.values - [*true.values(), 0.0078]) / found.deviations
@@ -83,7 +90,8 @@ def test_starts_that_measurements_hardly_see_stay_slow() -> None:
             assert np.abs(window.chart.known @ start).max() < 1.0
 
 
-@pytest.mark.parametrize('begin', [0.9, 1.2])
+@pytest.mark.thorough
+@pytest.mark.parametrize('begin', thinned([0.9, 1.2], keep=[0.9]))
 def test_messages_missing_over_a_singular_position(begin: float) -> None:
     """The knee turns by more than half a turn without a measurement, once also where a window
     begins: the recording was refused, as one with another sense or zero."""
@@ -581,7 +589,10 @@ solver: {step: 5.0e-3, integrator: dop853}
 """
 
 
-@pytest.mark.parametrize(('begin', 'joint'), [(0.0, 'elbow'), (3.3, 'shoulder')])
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ('begin', 'joint'), thinned([(0.0, 'elbow'), (3.3, 'shoulder')], keep=[(0.0, 'elbow')])
+)
 def test_a_joint_that_does_not_tell_the_posture(begin: float, joint: str, tmp_path: Path) -> None:
     """One angle of a double pendulum, from where the scene begins on or from the midst of the
     motion on."""

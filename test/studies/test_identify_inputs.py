@@ -51,6 +51,7 @@ def test_efforts_and_forces_are_found() -> None:
     assert f'{EFFORT}  ' in str(found)
 
 
+@pytest.mark.thorough
 def test_deviations_are_those_of_refits() -> None:
     """The scatter of estimates from other noise has the size that each fit tells."""
     each = [
@@ -87,6 +88,7 @@ def test_a_torque_alone_begins_at_zero() -> None:
     assert abs(found.values[0] - 0.3) < 3.0 * found.deviations[0]
 
 
+@pytest.mark.thorough
 def test_an_effort_over_time_is_a_table_of_a_motor() -> None:
     """Whose values are numbers of the scene."""
 

@@ -22,6 +22,7 @@ from alf_ros import (
 from alf_ros.arrays import Floats
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.loads import inverse_dynamics
+from support.thorough import LONG
 
 G = 9.81
 GRAVITY = {'gravity': {'acceleration': [0, -G]}}
@@ -329,6 +330,7 @@ def test_fastest_run_with_a_damper() -> None:
     assert abs(run.duration - free.duration) > 1e-3
 
 
+@pytest.mark.thorough
 def test_fastest_run_where_drag_limits_the_speed() -> None:
     """Most of the way has the speed at which drag takes the whole effort. This was refused:
     without drag the speed is so high that the effort could not hold it."""
@@ -370,11 +372,10 @@ def test_viscous_friction_costs_half_a_power() -> None:
     t = brentq(ahead, 0.1, 10.0)
     expected = t + braking(2.0 / d * -np.expm1(-k * t))[0]
     scene = guided(joint_friction={'joint': 'guide', 'viscous': d})
-    runs = [
-        fastest(scene, {'guide': [-6.0, 2.0]}, length=way, pieces=pieces) for pieces in (500, 8000)
-    ]
+    few, many = (500, 8000) if LONG else (125, 2000)
+    runs = [fastest(scene, {'guide': [-6.0, 2.0]}, length=way, pieces=n) for n in (few, many)]
     errors = [abs(run.duration - expected) for run in runs]
-    assert errors[1] < 1e-4 and 12.0 < errors[0] / errors[1] < 40.0
+    assert errors[1] < 0.8 / many and 12.0 < errors[0] / errors[1] < 40.0
 
 
 def rolled(speed: str) -> Scene:

@@ -22,6 +22,7 @@ from alf_ros.studies.optimisation.free_design import FreeDesign
 from alf_ros.studies.optimisation.instants import DesignMotion
 from support.arm import arm
 from support.design_scenes import BARS, coupler_point, four_bar, sprung_block, whirled_bob
+from support.thorough import LONG, thinned
 
 SIXTH = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))  # central differences
 NEAR = [[0.1, 0.2], [0.0, 0.15], [0.15, 0.1]]
@@ -109,6 +110,7 @@ def test_a_linkage_is_recovered_from_a_bad_start() -> None:
     assert np.allclose(found.values, [BARS[name] for name in start], rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_published_path_from_a_bad_start() -> None:
     """Six points of a vertical line without instants: case 1 of Cabrera, Simon, Prado, Mechanism
     and Machine Theory 37 (2002) 1165, with its bounds of the lengths. From a linkage whose path is
@@ -127,8 +129,12 @@ def test_a_published_path_from_a_bad_start() -> None:
     )
     assert found.objective_before > 15.0
     numbers = dict(zip(found.names, found.values.tolist(), strict=True))
-    path = coupler_point(numbers, np.arange(2_000_001) / 2e6)
-    away = [np.linalg.norm(path - place, axis=1).min() for place in places]
+    times = np.arange(20_001) / 2e4
+    path, away = coupler_point(numbers, times), []
+    for place in places:
+        nearest = times[np.linalg.norm(path - place, axis=1).argmin()]
+        around = coupler_point(numbers, nearest + np.linspace(-1e-4, 1e-4, 2001))
+        away.append(np.linalg.norm(around - place, axis=1).min())
     assert found.objective_after == pytest.approx(
         float(np.sqrt(np.mean(np.square(away)))), rel=1e-4
     )
@@ -254,6 +260,7 @@ def test_a_start_outside_the_bounds_asked_for_is_refused() -> None:
         optimise(scene, {'joint_friction.viscous': [0, 5]}, 'final(energy)', duration=0.1)
 
 
+@pytest.mark.thorough
 def test_steps_to_impossible_designs_are_refused() -> None:
     """The shorter its ground, the better; where a + b = c + d the crank no longer goes round."""
     found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)
@@ -294,7 +301,7 @@ def test_starts_that_fail_are_rows() -> None:
         workers=0,
     )
     failed = [each for each in found.starts if each.end is None]
-    assert failed and len(failed) < 8
+    assert failed and len(failed) < len(found.starts)
     assert all(each.reason and math.isnan(each.objective) for each in failed)
     assert found['c'] == pytest.approx(0.27, rel=1e-9)
 
@@ -316,12 +323,13 @@ def test_the_same_seed_has_the_same_bits() -> None:
             workers=workers,
         )
 
-    one, other, third = run(1, 0), run(1, 1), run(2, 0)
+    one, other = run(1, 0), run(1, 1)
     assert one.values.tobytes() == other.values.tobytes()
     for a, b in zip(one.starts, other.starts, strict=True):
         assert a.begin.tobytes() == b.begin.tobytes()
         assert np.array(a.tried).tobytes() == np.array(b.tried).tobytes()
-    assert one.starts[1].begin.tobytes() != third.starts[1].begin.tobytes()
+    if LONG:
+        assert one.starts[1].begin.tobytes() != run(2, 0).starts[1].begin.tobytes()
 
 
 def test_the_new_scene_repeats_the_objective(tmp_path: Path) -> None:
@@ -350,7 +358,9 @@ def test_steps_that_are_too_long_are_told() -> None:
         assert ('its run is not resolved: steps of 0.05 s are too long' in note) == told
 
 
-@pytest.mark.parametrize(('period', 'told'), [(None, True), (1e-3, False)])
+@pytest.mark.parametrize(
+    ('period', 'told'), thinned([(None, True), (1e-3, False)], keep=[(None, True)])
+)
 def test_too_few_samples_are_told(period: float | None, told: bool) -> None:
     """A bob on a circle, 24 times around: the period without one has four samples each turn. The
     largest height is the length of the bar exactly."""
@@ -464,6 +474,7 @@ def test_what_tangents_refuse_is_refused_by_name() -> None:
         optimise(scene, {'a': [0.05, 0.15]}, 'final(energy)', duration=0.1)
 
 
+@pytest.mark.thorough
 def test_implicit_integrators_find_the_same() -> None:
     found = []
     for integrator in ('dop853', 'esdirk43'):
@@ -487,6 +498,7 @@ def test_a_limit_that_no_design_holds_is_not_active() -> None:
     assert not found.is_feasible and found.active in ((), ('a',))
 
 
+@pytest.mark.thorough
 def test_a_limit_that_cannot_be_met_is_told_before_all_designs_are_spent() -> None:
     """Beside a number that does not change it, SLSQP never ends by itself."""
     scene = whirled_bob()

@@ -18,6 +18,7 @@ from alf_ros.studies.identification.recording import Recording
 from alf_ros.studies.identification.recording_reader import read_recording
 from support.foreign_bags import Message, joints, wrench, written
 from support.recordings import scene
+from support.thorough import thinned
 
 NOW = 1_760_000_000_123_456_789  # ns, as clocks of machines are
 STORE = get_typestore(Stores.LATEST)
@@ -88,7 +89,12 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize(
+    'kind',
+    thinned(
+        KINDS, lambda kind: kind not in ('SQLite, compressed messages', 'MCAP, compressed files')
+    ),
+)
 def test_they_are_read_as_mcap_is(tmp_path: Path, kind: str) -> None:
     expected = read_recording(written(tmp_path / 'mcap', messages(), late=0), scene())
     assert len(expected.inputs) > 0 and len(expected.channels[0].t) == COUNT

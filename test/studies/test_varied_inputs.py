@@ -14,6 +14,7 @@ from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.scene import overrides
 from support.log_files import make
+from support.thorough import LONG
 
 EFFORT, FORCE, TORQUE = 'joints.crank_pin.effort', 'wrenches.B.force.x', 'wrenches.coupler.torque'
 
@@ -36,7 +37,7 @@ def test_members_are_pushed() -> None:
         sampling='table',
         outputs=['final(points.B.x)'],
         duration=0.5,
-        workers=1,
+        workers=1 if LONG else 0,
     )
     ends = found['final_points.B.x'].to_numpy()
     for k, values in enumerate(zip(efforts, forces, torques, strict=True)):
@@ -44,6 +45,7 @@ def test_members_are_pushed() -> None:
         assert ends[k] == pytest.approx(wanted, abs=1e-11)
 
 
+@pytest.mark.thorough
 def test_a_design_may_be_an_effort() -> None:
     """The effort that holds a slider-crank at rest, by an independent formula."""
     at_rest = {'initial.velocities': '{}', 'effects.gravity.acceleration': '[0, -9.81]'}

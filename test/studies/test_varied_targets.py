@@ -18,6 +18,7 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import setup as settings
 from support.log_files import make
+from support.thorough import LONG, thinned
 
 TARGET, SPEED = 'targets.rail.position', 'targets.rail.velocity'
 MASS, STIFF, DAMPED = 2.5, 40.0, 8.0
@@ -63,7 +64,9 @@ def moved(target: float, speed: float, t: float) -> float:
     return float(end * (1.0 - np.exp(-decay * t) * shape))
 
 
-@pytest.mark.parametrize('motor', [{'servo': SERVO}, [SERVO], SERVO])
+@pytest.mark.parametrize(
+    'motor', thinned([{'servo': SERVO}, [SERVO], SERVO], keep=[{'servo': SERVO}, SERVO])
+)
 def test_members_follow_their_targets(motor: Any) -> None:
     """Of a motor with a name, in a list, and alone."""
     targets, speeds = [0.3, -0.5, 1.0], [0.0, 0.4, -0.2]
@@ -73,7 +76,7 @@ def test_members_follow_their_targets(motor: Any) -> None:
         sampling='table',
         outputs=['final(points.P.x)'],
         duration=0.5,
-        workers=1,
+        workers=1 if LONG else 0,
     )
     wanted = [moved(x, v, 0.5) for x, v in zip(targets, speeds, strict=True)]
     np.testing.assert_allclose(found['final_points.P.x'], wanted, rtol=0, atol=1e-11)

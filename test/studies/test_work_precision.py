@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,10 @@ def test_what_it_writes(folder: Path) -> None:
     assert '| independent, rk4 | 10 | - | - | - | - | - | - | - | 2 of 2 |' in report
 
 
-def test_goes_on_where_it_was_stopped(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_goes_on_where_it_was_stopped(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)  # pictures take most of the time
     path = folder / 'work_precision.csv'
     lines = path.read_text(encoding='utf-8').splitlines()
     kept = dict(zip(sweep.COLUMNS, lines[2].split(','), strict=True))

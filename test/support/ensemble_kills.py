@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import random
 import signal
-import subprocess
-import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +14,7 @@ from alf_ros.studies.ensemble.crews import ThisProcess
 from alf_ros.studies.ensemble.ensemble import conduct
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
+from support.forked import started
 from support.paths import ROOT
 
 STUDY = """
@@ -34,7 +34,7 @@ CLUSTER = """
 import sys
 from distributed import LocalCluster
 cluster = LocalCluster(
-    n_workers=2, threads_per_worker=1, dashboard_address=None, host='127.0.0.1'
+    n_workers=int(sys.argv[1]), threads_per_worker=1, dashboard_address=None, host='127.0.0.1'
 )
 print(cluster.scheduler_address, flush=True)
 sys.stdin.read()
@@ -65,22 +65,37 @@ def environment() -> dict[str, str]:
     return {**os.environ, 'PYTHONPATH': str(ROOT)}
 
 
-def begun(file: Path, store: Path, *options: str) -> subprocess.Popen[str]:
+class EnsembleCommand:
+    """The command, which runs, with methods of `subprocess.Popen`."""
+
+    def __init__(self, file: Path, store: Path, *options: str) -> None:
+        command = ['-m', 'alf_ros', 'ensemble', str(file), '--store', str(store), *options]
+        self._files = tempfile.TemporaryFile('w+'), tempfile.TemporaryFile('w+')
+        self._process = started(command, store.parent, environment(), *self._files)
+        self.pid, self.poll = self._process.pid, self._process.poll
+        self.kill, self.send_signal = self._process.kill, self._process.send_signal
+        self.returncode: int | None = None
+
+    def communicate(self, timeout: float) -> list[str]:
+        """Its output on both streams, when it has ended."""
+        self.returncode = self._process.wait(timeout)
+        said = []
+        for file in self._files:
+            with file:
+                file.seek(0)
+                said.append(file.read())
+        return said
+
+
+def begun(file: Path, store: Path, *options: str) -> EnsembleCommand:
     """The command, which runs."""
-    command = [sys.executable, '-m', 'alf_ros', 'ensemble', str(file), '--store', str(store)]
-    return subprocess.Popen(
-        [*command, *options],
-        cwd=store.parent,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    return EnsembleCommand(file, store, *options)
 
 
-def ended(process: subprocess.Popen[str]) -> tuple[int, str]:
+def ended(process: EnsembleCommand) -> tuple[int, str]:
     """Exit code and all it said, of a process that ends."""
-    out, err = process.communicate(timeout=PATIENCE)
+    out, err = process.communicate(PATIENCE)
+    assert process.returncode is not None
     return process.returncode, out + err
 
 
@@ -101,7 +116,7 @@ def wait(until: Callable[[], bool]) -> None:
         time.sleep(0.002)
 
 
-def wait_for_instant(chance: random.Random, store: Path, process: subprocess.Popen[str]) -> None:
+def wait_for_instant(chance: random.Random, store: Path, process: EnsembleCommand) -> None:
     """Until some more chunks are finished, and some milliseconds more."""
     count = len(seals(store)) + chance.randrange(0, 6)
     wait(lambda: len(seals(store)) >= count or process.poll() is not None)

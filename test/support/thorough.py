@@ -1,8 +1,8 @@
 """Cases that repeat what other cases of the same test prove: `make thorough` runs them, too.
 
 `make test` has a limit of time. A test of many integrators, scenes and effects keeps one case at
-least of each of them there. The test that compiles all code again, for numpy 1, is only in
-`make thorough`.
+least of each of them there. A test with the marker `thorough` is left to `make thorough` as a
+whole: it is long, and another one proves its statement for less.
 """
 
 from __future__ import annotations
