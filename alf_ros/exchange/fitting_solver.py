@@ -186,20 +186,14 @@ def _tried(simulation: Simulation, integrator: str, accuracy: float) -> Choice:
 
 def _run(simulation: Simulation, integrator: str, tolerance: float) -> TrialRun:
     places: list[Floats] = []
-    failed, evaluations, dear = '', math.inf, math.inf
+    failed, evaluations = '', math.inf
     try:
         run = simulation.with_solver(integrator, tolerance)
         most = _PART * WORK / (OVERHEAD + run.model.n)
         while len(places) < _DURATION and run.evaluations <= most:
-            # one step alone can be thousands of short ones: all to the next instant in one call
-            # only if many such are left
-            before, n = run.evaluations, 1
-            if _SPACING * dear <= most - before:
-                n = _SPACING - run.step_index % _SPACING
-            run.step(n)
-            dear = (run.evaluations - before) / n
+            run.step()  # one alone can be thousands of short ones
             evaluations = run.evaluations / run.step_index
-            if run.step_index % _SPACING == 0 and (n == 1 or run.evaluations <= most):
+            if run.step_index % _SPACING == 0:
                 places.append(run.state.q.reshape(-1, run.model.layout.dimension))
     except StepError as error:
         failed = str(error)

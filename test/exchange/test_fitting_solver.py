@@ -127,7 +127,6 @@ def test_stops_of_tendons_count_as_pressed(tmp_path) -> None:
     assert 'tendon as the stop of tendon.cord' in reasons(text)
 
 
-@pytest.mark.thorough
 def test_what_cannot_be_kept_is_said() -> None:
     text = imported(str(DATA / 'robots' / 'leg.xml'), scene=True)
     scene = scene_from_text(text.partition('# The tolerance')[0])

@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from alf_ros.studies.ensemble.distributions import LAWS
 from alf_ros.studies.ensemble.sampling import SAMPLINGS
 from alf_ros.studies.ensemble.study_reading import KEYS
@@ -32,7 +30,6 @@ def typed(line: str, folder: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.thorough
 def test_the_tutorial_prints_what_the_page_says(tmp_path: Path) -> None:
     for name in ('clearance.yaml', 'clearance.py'):
         (text,) = re.findall(rf'^```\w+\n(# {re.escape(name)}\n.*?)^```$', TEXT, re.M | re.S)

@@ -57,7 +57,6 @@ def test_a_changed_requirement_is_installed_and_a_failure_takes_the_stamp(clone)
     assert not stamp.exists()
 
 
-@pytest.mark.thorough
 def test_a_setup_that_fails_leaves_no_stamp_and_starts_again(clone):
     for _ in range(2):
         done = setup(clone)

@@ -110,7 +110,6 @@ def test_a_linkage_is_recovered_from_a_bad_start() -> None:
     assert np.allclose(found.values, [BARS[name] for name in start], rtol=1e-9)
 
 
-@pytest.mark.thorough
 def test_a_published_path_from_a_bad_start() -> None:
     """Six points of a vertical line without instants: case 1 of Cabrera, Simon, Prado, Mechanism
     and Machine Theory 37 (2002) 1165, with its bounds of the lengths. From a linkage whose path is
@@ -260,7 +259,6 @@ def test_a_start_outside_the_bounds_asked_for_is_refused() -> None:
         optimise(scene, {'joint_friction.viscous': [0, 5]}, 'final(energy)', duration=0.1)
 
 
-@pytest.mark.thorough
 def test_steps_to_impossible_designs_are_refused() -> None:
     """The shorter its ground, the better; where a + b = c + d the crank no longer goes round."""
     found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)
@@ -498,7 +496,6 @@ def test_a_limit_that_no_design_holds_is_not_active() -> None:
     assert not found.is_feasible and found.active in ((), ('a',))
 
 
-@pytest.mark.thorough
 def test_a_limit_that_cannot_be_met_is_told_before_all_designs_are_spent() -> None:
     """Beside a number that does not change it, SLSQP never ends by itself."""
     scene = whirled_bob()
