@@ -65,6 +65,12 @@ class Branch:
         """Freedoms of velocity on the branch."""
         return len(self.directions)
 
+    def off(self, qd: Floats) -> float:
+        """By how much (m/s) q̇ (blocks D, m/s) misses the velocities on the branch."""
+        apart = qd - self.drift
+        weights = np.linalg.lstsq(self.directions.T, apart, rcond=None)[0]
+        return float(np.abs(apart - weights @ self.directions).max(initial=0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class Position:

@@ -93,6 +93,12 @@ def resting(model: Model, q: Floats, dependent: int, t: float = 0.0) -> Position
 
     `dependent`: rows that depend on others in ordinary positions.
     """
+    here = _examined(model, q, dependent, t)
+    return None if here is None or here.is_driven else here
+
+
+def _examined(model: Model, q: Floats, dependent: int, t: float) -> Position | None:
+    """The same, also where drives move."""
     if _freedoms(model, q) > WIDE:
         return None
     # a place beside the position lies on a branch, and the position itself on all of them
@@ -100,7 +106,7 @@ def resting(model: Model, q: Floats, dependent: int, t: float = 0.0) -> Position
         here = position(model, located(model, q), t)
     except AssemblyError:  # no rest
         return None
-    return None if here.is_driven or _is_ordinary(here, dependent) else here
+    return None if _is_ordinary(here, dependent) else here
 
 
 def departing(model: Model, here: Position | None) -> Model:
@@ -113,27 +119,22 @@ def departing(model: Model, here: Position | None) -> Model:
 
 def leaving_apart(model: Model, q: Floats, qd: Floats, dependent: int) -> Model:
     """The model that moves with q̇ (blocks D, m/s) at q (blocks D, m), knowing how parts that rest
-    there in a singular position leave it; as it was if there are none, or if rows connect them
-    with what moves."""
-    here = resting(model, q, dependent)
+    there in a singular position leave it; as it was if there are none, if rows connect them with
+    what moves, and if drives hold them."""
+    here = _examined(model, q, dependent, 0.0)
     if here is None:
         return model
     least = _APART * np.abs(qd).max()
-    fitting = [each.directions for each in here.branches if off(each.directions, qd) <= least]
+    fitting = [each.directions for each in here.branches if each.off(qd) <= least]
     if len(fitting) <= 1:
         return model
     part = _of_parts(model, _where_they_differ(fitting))
     open_ = _where_they_differ([each.directions for each in here.branches])
     if np.abs(part * qd).max() > least or (open_ > part).any():  # what moves is singular too
         return model
+    if part.reshape(-1, model.layout.dimension)[_prescribed(model)].any():
+        return model
     return model.departing(here.q, fitting, part)
-
-
-def off(directions: Floats, qd: Floats) -> float:
-    """By how much q̇ (blocks D, m/s) misses all velocities along directions (dimension, blocks
-    D), m/s."""
-    weights = np.linalg.lstsq(directions.T, qd, rcond=None)[0]
-    return float(np.abs(qd - weights @ directions).max(initial=0.0))
 
 
 def _where_they_differ(branches: Sequence[Floats]) -> Floats:
@@ -148,7 +149,8 @@ def _where_they_differ(branches: Sequence[Floats]) -> Floats:
 
 
 def _of_parts(model: Model, some: Floats) -> Floats:
-    """(blocks D,) 1 on all blocks that rows or bodies connect with some coordinates that are 1."""
+    """(blocks D,) 1 on all blocks that rows or bodies connect with some coordinates that are 1;
+    what is fixed connects nothing."""
     D, rows, mass = model.layout.dimension, model.system.rows, model.system.mass
     blocks = model.q.size // D
     entry = np.repeat(np.arange(rows.c.size), np.diff(rows.first.astype(np.int64)))
@@ -161,13 +163,20 @@ def _of_parts(model: Model, some: Floats) -> Floats:
     ]
     pairs = [(np.minimum(i, j), np.maximum(i, j)) for i, j in pairs]
     i, j = (np.concatenate(each) for each in zip(*pairs, strict=True))
-    moves = model.n // D  # what is fixed connects nothing
-    joined = ((i < moves) | (i >= blocks)) & ((j < moves) | (j >= blocks))
     size = blocks + rows.c.size
+    moves = np.ones(size, dtype=bool)
+    moves[model.n // D : blocks] = False
+    moves[_prescribed(model)] = True
+    joined = moves[i] & moves[j]
     graph = coo_array((np.ones(joined.sum()), (i[joined], j[joined])), shape=(size, size))
     _, label = connected_components(graph, directed=False)
     chosen = np.unique(label[np.flatnonzero(some) // D])
     return np.repeat(np.isin(label[:blocks], chosen), D).astype(float)
+
+
+def _prescribed(model: Model) -> list[int]:
+    """The blocks that drives move."""
+    return [model.layout.of_prescribed[each.name] for each in model.mechanism.prescribed]
 
 
 def _is_ordinary(here: Position, dependent: int) -> bool:

@@ -118,9 +118,7 @@ class MissedPositions:
         if here is None or not qd.any():
             return False
         least = _SLOW * float(np.abs(qd).max())
-        return [singular_start.off(each.directions, qd) < least for each in here.branches].count(
-            True
-        ) > 1
+        return sum(each.off(qd) < least for each in here.branches) > 1
 
     def resolution(
         self, judged: Judged, told: float, beside: float, leapt: float, unexamined: str
