@@ -150,7 +150,7 @@ def _where_they_differ(branches: Sequence[Floats]) -> Floats:
 
 def _of_parts(model: Model, some: Floats) -> Floats:
     """(blocks D,) 1 on all blocks that rows or bodies connect with some coordinates that are 1;
-    what is fixed connects nothing."""
+    fixed blocks connect nothing."""
     D, rows, mass = model.layout.dimension, model.system.rows, model.system.mass
     blocks = model.q.size // D
     entry = np.repeat(np.arange(rows.c.size), np.diff(rows.first.astype(np.int64)))
