@@ -132,51 +132,42 @@ def leaving_apart(model: Model, q: Floats, qd: Floats, dependent: int) -> Model:
     open_ = _where_they_differ([each.directions for each in here.branches])
     if np.abs(part * qd).max() > least or (open_ > part).any():  # what moves is singular too
         return model
-    if part.reshape(-1, model.layout.dimension)[_prescribed(model)].any():
+    if _is_driven(model, part):
         return model
     return model.departing(here.q, fitting, part)
 
 
 def _where_they_differ(branches: Sequence[Floats]) -> Floats:
-    """(blocks D,) 1 where a velocity on one of the branches has no part on another one."""
-    found = np.zeros(branches[0].shape[1])
-    for each in branches:
-        for other in branches:
-            weights = np.linalg.lstsq(other.T, each.T, rcond=None)[0]
-            rest = np.abs(each.T - other.T @ weights).max(axis=1)
+    """(blocks D,) 1 where a velocity on a branch has no part on the first one, or the other way
+    round."""
+    first, found = branches[0], np.zeros(branches[0].shape[1])
+    for other in branches[1:]:
+        for each, there in ((first, other), (other, first)):
+            weights = np.linalg.lstsq(there.T, each.T, rcond=None)[0]
+            rest = np.abs(each.T - there.T @ weights).max(axis=1)
             found[rest > _DIFFER * np.abs(each).max()] = 1.0
     return found
 
 
 def _of_parts(model: Model, some: Floats) -> Floats:
-    """(blocks D,) 1 on all blocks that rows or bodies connect with some coordinates that are 1;
-    fixed blocks connect nothing."""
-    D, rows, mass = model.layout.dimension, model.system.rows, model.system.mass
-    blocks = model.q.size // D
-    entry = np.repeat(np.arange(rows.c.size), np.diff(rows.first.astype(np.int64)))
-    term = np.repeat(np.arange(rows.block.size), np.diff(rows.first_term.astype(np.int64)))
-    pairs = [
-        (rows.i.astype(np.int64), rows.j.astype(np.int64)),
-        (mass.i.astype(np.int64), mass.j.astype(np.int64)),
-        (blocks + entry, rows.block.astype(np.int64)),
-        (blocks + entry[term], rows.term_block.astype(np.int64)),
-    ]
-    pairs = [(np.minimum(i, j), np.maximum(i, j)) for i, j in pairs]
-    i, j = (np.concatenate(each) for each in zip(*pairs, strict=True))
-    size = blocks + rows.c.size
-    moves = np.ones(size, dtype=bool)
-    moves[model.n // D : blocks] = False
-    moves[_prescribed(model)] = True
-    joined = moves[i] & moves[j]
-    graph = coo_array((np.ones(joined.sum()), (i[joined], j[joined])), shape=(size, size))
-    _, label = connected_components(graph, directed=False)
-    chosen = np.unique(label[np.flatnonzero(some) // D])
-    return np.repeat(np.isin(label[:blocks], chosen), D).astype(float)
+    """(blocks D,) 1 on all movable blocks that rows or bodies connect with some coordinates that
+    are 1: those of their blocks of A."""
+    pattern, D, found = model.system.pattern, model.layout.dimension, np.zeros_like(some)
+    column = np.repeat(np.arange(model.n // D), np.diff(pattern.first.astype(np.int64)))
+    pairs = coo_array((np.ones(column.size), (pattern.row, column)), shape=(model.n // D,) * 2)
+    _, label = connected_components(pairs, directed=False)
+    of_some = label[np.flatnonzero(some[: model.n]) // D]
+    found[: model.n] = np.repeat(np.isin(label, of_some), D)
+    return found
 
 
-def _prescribed(model: Model) -> list[int]:
-    """The blocks that drives move."""
-    return [model.layout.of_prescribed[each.name] for each in model.mechanism.prescribed]
+def _is_driven(model: Model, part: Floats) -> bool:
+    """Whether a drive moves something that a row binds to blocks of a part (blocks D,)."""
+    rows = model.system.rows
+    driven = [model.layout.of_prescribed[each.name] for each in model.mechanism.prescribed]
+    row = np.repeat(np.arange(rows.c.size), np.diff(rows.first.astype(np.int64)))
+    bound = row[part.reshape(-1, model.layout.dimension)[rows.block].any(axis=1)]
+    return bool(np.isin(rows.block[np.isin(row, bound)], driven).any())
 
 
 def _is_ordinary(here: Position, dependent: int) -> bool:
