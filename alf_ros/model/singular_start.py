@@ -151,7 +151,7 @@ def _where_they_differ(branches: Sequence[Floats]) -> Floats:
 
 def _of_parts(model: Model, some: Floats) -> Floats:
     """(blocks D,) 1 on all movable blocks that rows or bodies connect with some coordinates that
-    are 1: those of their blocks of A."""
+    are 1, as the blocks of A show."""
     pattern, D, found = model.system.pattern, model.layout.dimension, np.zeros_like(some)
     column = np.repeat(np.arange(model.n // D), np.diff(pattern.first.astype(np.int64)))
     pairs = coo_array((np.ones(column.size), (pattern.row, column)), shape=(model.n // D,) * 2)
