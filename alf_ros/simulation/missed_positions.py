@@ -101,7 +101,7 @@ class MissedPositions:
         distance = float(modes.sigma[0]) if modes else 1.0
         if not distance < _BESIDE:
             return None
-        if self._stays(q, qd):
+        if not model.system.departures.part.size and self._stays(q, qd):
             return (
                 ': a loop rests in its singular position, or is slow there, beside moving parts',
                 'let all begin at rest, or the loop with a speed or beside the position',
