@@ -22,12 +22,20 @@ _NOTHING = Entry('')
 
 
 def read_effects(
-    section: Entry, cut: Layout, numbers: Mapping[str, float], references: References
+    section: Entry,
+    cut: Layout,
+    numbers: Mapping[str, float],
+    references: References,
+    known: Sequence[tuple[Entry, Effect]] = (),
 ) -> tuple[tuple[Effect, ...], Entry]:
     """The effects in a section, on a mechanism cut, and the section without references to files
     of numbers, files of effects named in full. Raises InputError.
+
+    `known`: effects that were read before, on the same mechanism with the same numbers, each with
+    its entry; where this entry stands again, so does the effect.
     """
     reader = ParameterReader(cut.mechanism, numbers, references)
+    before = {(id(entry), effect.kind, effect.name): effect for entry, effect in known}
     found: list[Effect] = []
     labels: set[str] = set()
     whole: dict[str, Entry] = {}
@@ -36,10 +44,11 @@ def read_effects(
         if kind in whole:
             raise entry.error('another path to an effect that is named above', value=key)
         one_of = getattr(module, 'ONE_OF', ())
-        short = effects.short_name(kind)
-        for name, instance in instances(short, entry, module.Parameters, module.MULTIPLE):
-            values = reader.parameters(instance, module.Parameters)
-            effect = _effect(kind, name, values, cut, instance)
+        for name, instance in _instances(kind, module, entry):
+            effect = before.get((id(instance), kind, name))
+            if effect is None:
+                values = reader.parameters(instance, module.Parameters)
+                effect = _effect(kind, name, values, cut, instance)
             if effect.label in labels:  # which powers, works and loads are called by
                 raise instance.error('another effect has this name', value=effect.label)
             labels.add(effect.label)
@@ -48,6 +57,19 @@ def read_effects(
             found.append(effect)
         whole[kind] = reader.tables.without_files(entry)
     return tuple(found), as_entry(whole)
+
+
+def effect_entries(section: Entry) -> list[Entry]:
+    """The entry of each effect in a section that was read, in the order of the effects."""
+    found = []
+    for key, entry in section.mapping().items():
+        kind, module = _module(key, entry, References())
+        found += [instance for _, instance in _instances(kind, module, entry)]
+    return found
+
+
+def _instances(kind: str, module: ModuleType, entry: Entry) -> list[tuple[str, Entry]]:
+    return instances(effects.short_name(kind), entry, module.Parameters, module.MULTIPLE)
 
 
 def _effect(

@@ -17,9 +17,10 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from alf_ros.effects import Effect
 from alf_ros.mechanism import Body, Mechanism
 from alf_ros.mechanism.natural_coordinates import Layout, cut
-from alf_ros.scene.effects_section import fit, read_effects, with_rotors
+from alf_ros.scene.effects_section import effect_entries, fit, read_effects, with_rotors
 from alf_ros.scene.mechanism_file import read_parameters, read_parts
 from alf_ros.scene.mechanism_file.bodies import BodyReader
 from alf_ros.scene.mechanism_file.shapes_section import ShapeReader
@@ -86,6 +87,12 @@ class ReadDocument:
         return found
 
     @cached_property
+    def _known_effects(self) -> list[tuple[Entry, Effect]]:
+        """Each effect with its entry."""
+        entries = effect_entries(self._fields.get('effects', _NOTHING))
+        return list(zip(entries, self._scene.effects, strict=True))
+
+    @cached_property
     def _bodies(self) -> BodyReader:
         dimension = self._bare.dimension
         return BodyReader({}, {}, dimension, ShapeReader(dimension, References()))
@@ -115,7 +122,8 @@ class ReadDocument:
         solver = self._solver(fields['solver'], values) if 'solver' in changed else scene.solver
         section = fields.get('effects', _NOTHING)
         if 'effects' in changed:
-            effects, section = read_effects(section, layout, values, References())
+            known = self._known_effects if layout is self._cut and values is self._values else []
+            effects, section = read_effects(section, layout, values, References(), known)
         elif not fit(effects, layout):
             return None
         return dataclasses.replace(

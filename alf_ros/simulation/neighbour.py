@@ -21,11 +21,9 @@ from alf_ros.simulation.start import Start
 
 _BESIDE, _JUMP = 1e-9, 1e-6  # s from an instant, and part of the values that they jump by there
 MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
+ROWS = ('length2', 'b', 'term', 'c')
 SHAPES = (
-    'length2',
-    'b',
-    'term',
-    'c',
+    *ROWS,
     'angle_b',
     'angle_c',
     'angle_term',

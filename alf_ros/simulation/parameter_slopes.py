@@ -30,7 +30,7 @@ from alf_ros.model.compile import Model
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.input_values import NO_INPUTS, Inputs
-from alf_ros.simulation.neighbour import ARRAYS, MASSES, SHAPES, Neighbour
+from alf_ros.simulation.neighbour import ARRAYS, MASSES, ROWS, SHAPES, Neighbour
 from alf_ros.simulation.start import started
 
 _WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of the eighth order
@@ -320,6 +320,12 @@ class ParameterSlopes:
 
             put_slopes(*self._here.motions, self.arrays['prescribed'], t, dq, dqd)
         return dq, dqd
+
+    @cached_property
+    def changes_rows(self) -> bool:
+        """Whether the number changes lengths or places."""
+        fixed = self.arrays['q'][self._here.start.model.n :]
+        return bool(fixed.any()) or any(self.arrays[name].any() for name in ROWS)
 
     @property
     def changes_drives(self) -> bool:

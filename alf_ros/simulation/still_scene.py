@@ -14,6 +14,7 @@ class StillScene:
     """Has the form of `ParameterSlopes`, with all slopes of the scene `here` zero."""
 
     value = 0.0
+    changes_rows = False
     changes_drives = False
     acts = True
 

@@ -25,13 +25,12 @@ from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.effect_slopes import EffectSlopes
 from alf_ros.simulation.input_places import InputPlaces
 from alf_ros.simulation.input_slopes import InputSlopes, Slopes, is_input
-from alf_ros.simulation.neighbour import MASSES, Neighbour
+from alf_ros.simulation.neighbour import MASSES, ROWS, Neighbour
 from alf_ros.simulation.parameter_slopes import ParameterSlopes
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state_direction import StateDirection, is_direction
 
-_ROWS = ('length2', 'b', 'term', 'c')
 _OF_GROUPS = (
     *('first_q', 'first_qd', 'first_qdd', 'q', 'qd', 'qdd', 'begun_q', 'begun_qd'),
     *('whole_q', 'whole_qd', 'whole_qdd', 'pushed'),
@@ -93,7 +92,7 @@ class TangentFollowing:
     @cached_property
     def lengths(self) -> tuple[str, ...]:
         """The parameters that change lengths or places."""
-        return tuple(s.name for s in self.slopes if _changes_rows(s, self._start))
+        return tuple(s.name for s in self.slopes if s.changes_rows)
 
     @cached_property
     def placing(self) -> tuple[str, ...]:
@@ -144,7 +143,7 @@ class TangentFollowing:
         force = dual_forces(applied, W)
         changes: dict[str, Any] = {
             name: _in_groups(np.array([each.arrays[name] for each in self.slopes]), W)
-            for name in (*MASSES, *_ROWS)
+            for name in (*MASSES, *ROWS)
         }
         changes['mass_changes'] = _any_of_group(_any(self.slopes, MASSES), W)
         moved = np.array([n in self.lengths for n in self.names], dtype=np.int64)
@@ -293,11 +292,6 @@ def _slopes(name: str, here: Neighbour, solver: Solver, before: Slopes | None) -
     return ParameterSlopes(name, here, solver, numbered)
 
 
-def _changes_rows(slopes: Slopes, start: Start) -> bool:
-    fixed = slopes.arrays['q'][start.model.n :]
-    return bool(fixed.any()) or any(slopes.arrays[name].any() for name in _ROWS)
-
-
 def _any(slopes: Sequence[Slopes], names: Sequence[str]) -> Integers:
     return np.array([any(each.arrays[n].any() for n in names) for each in slopes], dtype=np.int64)
 
@@ -340,7 +334,7 @@ def _check_slopes(slopes: Slopes, start: Start) -> None:
                 value=slopes.value,
             )
     arrays = slopes.arrays
-    if start.adjustment is not None and any(arrays[name].any() for name in _ROWS):
+    if start.adjustment is not None and any(arrays[name].any() for name in ROWS):
         raise InputError(
             'no tangent: redundant lengths are adjusted there, so none is free',
             key=slopes.name,

@@ -20,7 +20,7 @@ from alf_ros.simulation.state import State
 from alf_ros.simulation.state_trail import StateArrays
 from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings
 from alf_ros.studies.identification.recording import MeasuredChannel
-from alf_ros.studies.identification.window_start import DenseRows, StartChart
+from alf_ros.studies.identification.window_start import DenseRows, StartChart, least_change
 from alf_ros.studies.statics.instant import counted
 
 _NEAR = 11  # measurements of a parabola
@@ -28,7 +28,7 @@ _TURN = 0.2  # rad or m, by which a joint moves in one step
 _ROUNDS = 12
 _NEAR_ENOUGH = 1e-6  # of the size: the fit goes on from there
 _KEEP = 1e-6  # weight of the directions that no joint tells
-_CLOSED = 1e-9
+_CLOSED, _DEPENDENT = 1e-9, 1e-7
 _APART = 3  # measurements, between the two that give a speed
 _FAST = 3.0  # times the fastest that a joint is recorded: the deviation of its speed at a start
 _STEP, _STEPS, _PLACES = 0.1, 2, 12  # of the size; of a place; on a way
@@ -225,7 +225,7 @@ class PostureTrack:
             if np.abs(gap).max(initial=0.0) <= _CLOSED * self._model.size:
                 return q
             J = rows.jacobian(q)[rows.binds, :n]
-            q[:n] -= np.linalg.lstsq(J, gap, rcond=1e-7)[0]
+            q[:n] -= least_change(J, gap, _DEPENDENT)
         raise InputError(
             f'the mechanism cannot follow the recorded joints at t = {rows.t:.6g} s',
             key='recording',

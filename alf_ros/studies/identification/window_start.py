@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, lstsq
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
@@ -28,10 +28,11 @@ from alf_ros.model.dense_linearisation import DEPENDENT
 from alf_ros.model.prescribed import prescribe
 from alf_ros.simulation.input_slopes import Slopes
 from alf_ros.studies.statics.instant import Chosen
-from alf_ros.studies.statics.sparse_rows import jacobian, mass_matrix, turning
+from alf_ros.studies.statics.sparse_rows import jacobian_blocks, mass_blocks, turning_blocks
 
 _MOST = 60  # iterations
-_CLOSED = 1e-10  # of the size: a start that stays open by more is none
+_CLOSED = 1e-10  # of the size: a start that stays open by more is none,
+_ROUNDING = 2e-15  # and one that is open by less is closed
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,13 @@ class WindowStart:
     qd: Floats
     dq: Floats
     dqd: Floats
+
+
+def least_change(A: Floats, off: Floats, rank: float | None = None) -> Floats:
+    """The smallest x with the least |A x - off|. rank: the part of A that counts as zero, of the
+    whole; None for rounding."""
+    x, *_ = lstsq(A, off, rank, lapack_driver='gelsy', check_finite=False)
+    return np.asarray(x)
 
 
 class DenseRows:
@@ -68,11 +76,11 @@ class DenseRows:
 
     def jacobian(self, q: Floats) -> Floats:
         """J (rows, blocks D)."""
-        return np.asarray(jacobian(self.model, q).toarray() * self._scale[:, None])
+        return jacobian_blocks(self.model, q).dense() * self._scale[:, None]
 
     def turning(self, v: Floats) -> Floats:
         """∂(J v)/∂q (rows, blocks D)."""
-        return np.asarray(turning(self.model, v).toarray() * self._scale[:, None])
+        return turning_blocks(self.model, v).dense() * self._scale[:, None]
 
     def opening(self, slopes: Slopes, q: Floats, v: Floats) -> tuple[Floats, Floats]:
         """∂Φ/∂θ and ∂(J v)/∂θ (rows,) of a number θ, with the free blocks of q and v held."""
@@ -94,13 +102,13 @@ class DenseRows:
         J = self.jacobian(q)[self.binds, : self.model.n]
         D = self.model.layout.dimension
         turns = np.eye(self.model.n)[[D * block for block in rotor_blocks(self.model.layout)]]
-        masses = np.diag(turns @ (mass_matrix(self.model) @ turns.T))
+        masses = np.diag(turns @ mass_blocks(self.model).dense() @ turns.T)
         return self._null_space(np.vstack([J, turns])), turns.T / np.sqrt(masses)
 
     def _null_space(self, J: Floats) -> Floats:
         _, s, Vt = np.linalg.svd(J)
         V = Vt[int((s > DEPENDENT * s.max(initial=1e-300)).sum()) :].T
-        masses, turn = np.linalg.eigh(V.T @ (mass_matrix(self.model) @ V))
+        masses, turn = np.linalg.eigh(V.T @ mass_blocks(self.model).dense() @ V)
         least = self.model.system.mean * DEPENDENT
         return np.asarray(V @ turn / np.sqrt(np.maximum(masses, least)))
 
@@ -125,7 +133,7 @@ class StartChart:
     ) -> None:
         rows, n = DenseRows(model, t), model.n
         self.t, self.q, self.turns = t, q, turns
-        M = mass_matrix(model)
+        M = mass_blocks(model).dense()
         Y, turns_of_rotors = rows.motions(q)
         Z = rows.null_space(q, np.ones_like(rows.binds))
         self._rotors = turns_of_rotors.shape[1]
@@ -159,9 +167,10 @@ class StartChart:
             A = np.vstack([rows.jacobian(q)[rows.binds, :n], self._held])
             off = np.concatenate([rows.gaps(q)[rows.binds], self._held @ (q - self.q)[:n] - s])
             before, gap = gap, float(np.abs(off).max(initial=0.0))
-            if gap >= 0.5 * before and gap <= _CLOSED * model.size:
+            least = _CLOSED if gap >= 0.5 * before else _ROUNDING
+            if gap <= least * model.size:
                 break
-            q[:n] -= np.linalg.lstsq(A, off, rcond=None)[0]
+            q[:n] -= least_change(A, off)
         if not gap <= _CLOSED * model.size:
             raise AssemblyError(f'the mechanism cannot be closed at t = {self.t:.6g} s')
         J = rows.jacobian(q)
@@ -191,10 +200,11 @@ class StartChart:
         binding = int(rows.binds.sum())
         bent, widened = rows.turning(qd), np.zeros((len(rows.binds), P + g + f))
         for k, each in enumerate(slopes):
-            opened, widened[:, k] = rows.opening(each, q, qd)
-            placed, going = each.placed(rows.model, rows.t)
-            dq[k, n:], dqd[k, n:] = placed[n:], going[n:]
-            dq[k, :n] = -position[:, :binding] @ opened[rows.binds]
+            if each.changes_rows or each.changes_drives:
+                opened, widened[:, k] = rows.opening(each, q, qd)
+                placed, going = each.placed(rows.model, rows.t)
+                dq[k, n:], dqd[k, n:] = placed[n:], going[n:]
+                dq[k, :n] = -position[:, :binding] @ opened[rows.binds]
         dq[P : P + g, :n] = position[:, binding : binding + g].T
         open_velocities = bent @ dq.T + widened + J[:, n:] @ dqd[:, n:].T
         dqd[:, :n] = -(velocity[:, : len(rows.binds)] @ open_velocities).T

@@ -20,7 +20,7 @@ from alf_ros.effects.contract import Effect, affine_force
 from alf_ros.errors import InputError
 from alf_ros.model.compile import Model
 from alf_ros.studies.statics.force_change import RATES, STEPS, ForceChange
-from alf_ros.studies.statics.sparse_rows import Sparse, of_blocks
+from alf_ros.studies.statics.sparse_rows import Blocks, Sparse
 
 _WIDEST = 1500  # coordinates, up to which an effect may bind all blocks
 
@@ -63,7 +63,7 @@ class ForceTangents:
                 along = np.zeros(model.q.size)
                 along[blocks * D + axis] = 1.0
                 values[pairs, :, axis] = -change(along).reshape(-1, D)[self._row[pairs]]
-        return of_blocks(self._row, self._column, values, (model.n, model.n))
+        return Blocks(self._row, self._column, values, (model.n, model.n)).sparse()
 
 
 def _cliques(model: Model, effects: Sequence[Effect]) -> list[tuple[int, ...]]:

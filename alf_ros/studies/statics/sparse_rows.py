@@ -1,4 +1,5 @@
-"""M, Φ_q and its derivatives as sparse matrices, on the columns of all blocks.
+"""M, Φ_q and its derivatives as sparse matrices, on the columns of all blocks; small ones as dense
+arrays.
 
 Rows are linear or quadratic in q, so that their Hessians H_k are constant, and so is the
 derivative of N in a velocity row N(q) q̇. With J = [Φ_q; N]:
@@ -9,7 +10,7 @@ derivative of N in a velocity row N(q) q̇. With J = [Φ_q; N]:
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -22,19 +23,43 @@ from alf_ros.model.compile import Model
 Sparse: TypeAlias = Any  # scipy.sparse.csr_matrix: scipy has no types
 
 
-def of_blocks(i: Integers, j: Integers, values: Floats, shape: tuple[int, int]) -> Sparse:
-    """Of blocks (count, a, b) in block row i and block column j; those at one place add up."""
-    _, a, b = values.shape
-    # as scipy keeps them: of other integers it would look for the largest, each time
-    rows, columns = (np.arange(size, dtype=np.int32) for size in (a, b))
-    row = (i.astype(np.int32) * np.int32(a))[:, None, None] + rows[None, :, None]
-    column = (j.astype(np.int32) * np.int32(b))[:, None, None] + columns[None, None, :]
-    row, column = np.broadcast_to(row, values.shape), np.broadcast_to(column, values.shape)
-    return sparse.coo_matrix((values.ravel(), (row.ravel(), column.ravel())), shape).tocsr()
+class Blocks(NamedTuple):
+    """A matrix of `shape` of blocks `values` (count, a, b) in block rows i and block columns j;
+    those at one place add up."""
+
+    i: Integers
+    j: Integers
+    values: Floats
+    shape: tuple[int, int]
+
+    def sparse(self) -> Sparse:
+        """As scipy keeps it."""
+        _, a, b = self.values.shape
+        # of other integers scipy would look for the largest, each time
+        rows, columns = (np.arange(size, dtype=np.int32) for size in (a, b))
+        row = (self.i.astype(np.int32) * np.int32(a))[:, None, None] + rows[None, :, None]
+        column = (self.j.astype(np.int32) * np.int32(b))[:, None, None] + columns[None, None, :]
+        places = [np.broadcast_to(each, self.values.shape).ravel() for each in (row, column)]
+        return sparse.coo_matrix((self.values.ravel(), tuple(places)), self.shape).tocsr()
+
+    def dense(self) -> Floats:
+        """As an array."""
+        _, a, b = self.values.shape
+        rows, columns = self.shape
+        row = (self.i.astype(np.int64) * a)[:, None, None] + np.arange(a)[None, :, None]
+        column = (self.j.astype(np.int64) * b)[:, None, None] + np.arange(b)[None, None, :]
+        at = (row * columns + column).ravel()
+        found: Floats = np.bincount(at, self.values.ravel(), rows * columns)
+        return found.reshape(self.shape)
 
 
 def mass_matrix(model: Model) -> Sparse:
     """M (n, n), kg."""
+    return mass_blocks(model).sparse()
+
+
+def mass_blocks(model: Model) -> Blocks:
+    """Of M (n, n), kg."""
     mass: Mass = model.system.mass
     D, blocks = model.layout.dimension, mass.diagonal.size
     eye = np.eye(D)
@@ -45,11 +70,16 @@ def mass_matrix(model: Model) -> Sparse:
     i = np.concatenate([own, mass.i, mass.j])
     j = np.concatenate([own, mass.j, mass.i])
     values = np.concatenate([mass.diagonal[:, None, None] * eye, off, off.transpose(0, 2, 1)])
-    return of_blocks(i, j, values, (model.n, model.n))
+    return Blocks(i, j, values, (model.n, model.n))
 
 
 def jacobian(model: Model, q: Floats) -> Sparse:
     """J = [Φ_q; N] (rows, blocks D) at q (blocks D, m), rows in the kernel's order."""
+    return jacobian_blocks(model, q).sparse()
+
+
+def jacobian_blocks(model: Model, q: Floats) -> Blocks:
+    """Of J = [Φ_q; N]."""
     rows: Rows = model.system.rows
     D, m1 = model.layout.dimension, rows.i.size
     g, g2 = np.zeros(m1 * D), np.zeros(rows.b.size)
@@ -59,7 +89,7 @@ def jacobian(model: Model, q: Floats) -> Sparse:
     i = np.concatenate([own, own, m1 + _owner(rows)])
     j = np.concatenate([rows.i, rows.j, rows.block])
     values = np.concatenate([d, -d, g2.reshape(-1, 1, D)])
-    return of_blocks(i, j, values, (rows.alpha.size, q.size))
+    return Blocks(i, j, values, (rows.alpha.size, q.size))
 
 
 def _owner(rows: Rows) -> Integers:
@@ -88,11 +118,16 @@ def curvature(model: Model, lam: Floats, *, sizes: bool = False) -> Sparse:
     j = np.concatenate([a, b, b, a, at])
     values = np.concatenate([own, own, -own, -own, of[:, None, None] * T])
     size = model.layout.blocks * D
-    return of_blocks(i, j, np.abs(values) if sizes else values, (size, size))
+    return Blocks(i, j, np.abs(values) if sizes else values, (size, size)).sparse()
 
 
 def turning(model: Model, v: Floats) -> Sparse:
     """R(v) = ∂(J v)/∂q (rows, blocks D) of v (blocks D)."""
+    return turning_blocks(model, v).sparse()
+
+
+def turning_blocks(model: Model, v: Floats) -> Blocks:
+    """Of R(v) = ∂(J v)/∂q."""
     rows: Rows = model.system.rows
     D, m1 = model.layout.dimension, rows.i.size
     blocks = v.reshape(-1, D)
@@ -103,4 +138,4 @@ def turning(model: Model, v: Floats) -> Sparse:
     i = np.concatenate([own, own, m1 + _owner(rows)[entry]])
     j = np.concatenate([rows.i.astype(np.int64), rows.j.astype(np.int64), at])
     values = np.concatenate([d, -d, along])
-    return of_blocks(i, j, values, (rows.alpha.size, v.size))
+    return Blocks(i, j, values, (rows.alpha.size, v.size))
