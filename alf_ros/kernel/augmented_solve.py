@@ -29,6 +29,7 @@ from alf_ros.kernel.data import (
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.numba_ext.calls import call_for_number
 from alf_ros.kernel.numba_ext.jit import ZERO, compiled, expanded, inner
+from alf_ros.kernel.numba_ext.lane_numbers import pick
 from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import bias
@@ -117,7 +118,7 @@ def turned(system: System, work: Work, sigma: float) -> float:
     """
     scale = system.rows.scale
     found = max(1.0, largest(work.q, work.q.size) * largest(scale, scale.size))
-    return found / min(1.0, sigma) if has_dependent(system) else found
+    return pick(has_dependent(system), found / min(1.0, sigma), found)
 
 
 @inner

@@ -146,6 +146,15 @@ class LanesOfMembers:
         for inner in self._inner:
             inner.take()
 
+    def columns(self, without: str = '') -> list[Array]:
+        """Its arrays (groups, numbers, lanes) of numbers of members, and those of structs in it
+        but one."""
+        found = [array for array, _ in self._copied]
+        for inner in self._inner:
+            if inner is not vars(self).get(without):
+                found += inner.columns()
+        return found
+
     def group(self, g: int) -> Located:
         """The struct of a group, for compiled code."""
         return Located(self._kind, int(self.addresses[g]))

@@ -96,8 +96,7 @@ class AlikeMembers:
         )
 
     def _crew(self, g: int) -> LaneCrew:
-        own = slice(g * self._lanes, (g + 1) * self._lanes)
-        applied = self._of._run.applied
+        own, applied = self._lanes_of(g), self._of._run.applied
         return crew_of(
             self._problems.addresses[own].copy(),
             self._phases.addresses[own].copy(),
@@ -106,7 +105,12 @@ class AlikeMembers:
             [self._of._run.stepper.system.prescribed],
             self._of.model.layout.dimension,
             self._adaptive,
+            [each[g] for each in self._of_problems.columns(without='work')],
+            range(own.start, own.stop),
         )
+
+    def _lanes_of(self, g: int) -> slice:
+        return slice(g * self._lanes, (g + 1) * self._lanes)
 
     def run(
         self, numbers: Sequence[MemberNumbers], duration: float, at: Sequence[float]
@@ -155,16 +159,20 @@ class AlikeMembers:
         good[len(numbers) :] = False
         self._of_problems.take()
         self._of_phases.take()
+        for g, crew in enumerate(self._crews):  # members of the last run have changed places
+            own = self._lanes_of(g)
+            crew.member[:] = range(own.start, own.stop)
+            crew.problem[:], crew.phase[:] = problems.addresses[own], phases.addresses[own]
         return good
 
     def _step_to(self, index: int, good: NDArray[np.bool_]) -> None:
         """Take the good members to a number of steps; those that fail are good no more."""
         if index <= self._index:
             return
-        progress, lanes = self._progress, self._lanes
+        progress = self._progress
         progress.most[:] = 0.0
         progress.index[:, 0] = self._index
-        moving = good.reshape(-1, lanes)
+        moving = good[[crew.member for crew in self._crews]]
         progress.target[:, 0] = np.where(moving, index, progress.index[:, 0])
         for crew in self._crews:
             crew.apart[:] = crew.result[:] = 0
@@ -181,8 +189,8 @@ class AlikeMembers:
         )
         if stopped >= 0:
             self._of._run.stepper.listener.answer()
-        for g, crew in enumerate(self._crews):
-            good[g * lanes : (g + 1) * lanes] &= crew.result == 0
+        for crew in self._crews:
+            good[crew.member] &= crew.result == 0
         self._index = index
 
 

@@ -237,16 +237,15 @@ class Applied:
                 continue
             if not isinstance(now, Multiple) or not isinstance(was, Multiple):
                 return None
-            (kind,), at = now.kinds(layout), int(effects.params_at[first + n])
-            params[at : at + kind.packed.params.size] = kind.packed.params
+            (numbers,), at = now.params(layout), int(effects.params_at[first + n])
+            params[at : at + numbers.size] = numbers
         return changed(forces, effects=changed(effects, params=params))
 
     @cached_property
     def instants(self) -> Floats:
         """The times of all kinks over time, s, ascending."""
         layout, own = self._model.layout, self._scene.instants
-        kinds = (kind for held in self._held.values() for kind in held.kinds(layout))
-        more = [kind.packed.instants for kind in kinds if kind.packed.instants.size]
+        more = [each for held in self._held.values() for each in held.instants(layout)]
         return np.unique(np.concatenate([own, *more])) if more else own
 
     @property

@@ -35,6 +35,10 @@ class HeldEffect:
         """The effect, as compiled code takes it."""
         return once(self._kinds, (self._effect,), layout)
 
+    def instants(self, layout: Layout) -> list[Floats]:
+        """The times of its kinks over time, s."""
+        return [kind.packed.instants for kind in self.kinds(layout) if kind.packed.instants.size]
+
 
 class Multiple:
     """The data of 1 times a number: of a steady effort, which is packed once however often it
@@ -45,13 +49,17 @@ class Multiple:
 
     def kinds(self, layout: Layout) -> list[PackedKind]:
         """The effect, as compiled code takes it."""
-        return [_times(self.what, kind) for kind in self.one.kinds(layout)]
+        each = zip(self.one.kinds(layout), self.params(layout), strict=True)
+        return [replace(kind, packed=replace(kind.packed, params=params)) for kind, params in each]
 
+    def params(self, layout: Layout) -> list[Floats]:
+        """The numbers of its kinds."""
+        with np.errstate(over='ignore'):  # a step with it fails, and says so
+            return [self.what * kind.packed.params for kind in self.one.kinds(layout)]
 
-def _times(effort: float, kind: PackedKind) -> PackedKind:
-    with np.errstate(over='ignore'):  # a step with it fails, and says so
-        params = effort * kind.packed.params
-    return replace(kind, packed=replace(kind.packed, params=params))
+    def instants(self, layout: Layout) -> list[Floats]:
+        """The times of its kinks over time, s."""
+        return self.one.instants(layout)
 
 
 Held: TypeAlias = HeldEffect | Multiple

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from alf_ros import effects as registry
-from alf_ros.arrays import Addresses
+from alf_ros.arrays import Addresses, Floats
 from alf_ros.kernel import Effects, Prescribed
 from alf_ros.kernel.data.lane_crew import LaneCrew
 from alf_ros.kernel.lanes.single_member import functions_of_members
@@ -27,37 +27,45 @@ def crew_of(
     drives: Sequence[Prescribed],
     dimension: int,
     adaptive: bool,
+    columns: Sequence[Floats],
+    numbers: Sequence[int],
 ) -> LaneCrew:
     """The crew of members with these structs, forces and drives; `effects` and `drives` may have
     one for all members.
 
-    `dimension` and `adaptive`: as of `functions_of_members`.
+    `dimension` and `adaptive`: as of `functions_of_members`. columns: arrays (numbers, lanes) of
+    what the members have in lanes. numbers (lanes,): of the members, -1 where there is none.
     """
     lanes = problems.size
-    steps, forces, one_by_one = functions_of_members(dimension, adaptive)
+    functions = functions_of_members(dimension, adaptive)
     steady = all(each.is_steady for each in applied)
     found = [] if steady else _lane_forces(applied[0].kinds, effects, lanes)
-    numbers = effects[0].params.size if found else 0
+    params = effects[0].params.size if found else 0
     return LaneCrew(
         problem=problems,
         phase=phases,
-        alone=steps,
-        forces=forces,
-        drives=one_by_one,
+        alone=functions.alone,
+        forces=functions.forces,
+        drives=functions.drives,
+        stage=functions.stage,
         lane_force=np.array(found, dtype=np.uint64),
         lane_drives=np.array(_lane_drives(drives, lanes), dtype=np.uint64),
-        params=aligned(numbers, lanes).ravel(),
+        params=aligned(params, lanes).ravel(),
         parted=np.zeros(1, dtype=np.int64),
         steady=np.array([steady], dtype=np.int64),
         dated=np.array([any(each.instants.size for each in applied)], dtype=np.int64),
         result=np.zeros(lanes, dtype=np.int64),
         apart=np.zeros(lanes, dtype=np.int64),
+        member=np.array(numbers, dtype=np.int64),
+        kind=np.zeros(1, dtype=np.int64),
+        columns=np.array([each.ctypes.data for each in columns], dtype=np.uint64),
+        sizes=np.array([len(each) for each in columns], dtype=np.uint64),
     )
 
 
 def _lane_forces(kinds: Sequence[str], effects: Sequence[Effects], lanes: int) -> list[int]:
     """`LaneCrew.lane_force`, of effects whose first have these kinds."""
-    if not all(_are_alike(effects[0], each) for each in effects):
+    if not all(are_alike(effects[0], each) for each in effects):
         return []
     # it teaches numba new types: only where somebody asks
     from alf_ros.effects.contract.lane_force import lane_force
@@ -76,7 +84,7 @@ def _lane_drives(drives: Sequence[Prescribed], lanes: int) -> list[int]:
     return [lane_run(lanes)]
 
 
-def _are_alike(one: Effects, other: Effects) -> bool:
+def are_alike(one: Effects, other: Effects) -> bool:
     """Whether effects have the same functions, and their numbers stand in the same places."""
     if one is other:
         return True

@@ -15,10 +15,11 @@ from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alf_ros.arrays import Addresses
 from alf_ros.errors import AlfError, BusyError, InputError, StepError
-from alf_ros.kernel import Status
+from alf_ros.kernel import Effects, Status
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, progress_of
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
@@ -27,7 +28,7 @@ from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.simulation import input_checks as check
-from alf_ros.simulation.lane_crews import crew_of
+from alf_ros.simulation.lane_crews import are_alike, crew_of
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -37,20 +38,34 @@ WIDTHS = 2, 4, 8, 16  # members of a group: one register of them, or two
 _PARTS = 'problem', 'phase', 'progress', 'crew'  # of `LaneGroups`
 
 
+class _Members:
+    """What is known of the members of all groups, by their numbers: the simulations, the forces
+    that the crews have, steps that the simulations do not count yet, and steps at the begin of a
+    call. `kinds`: numbers of the kinds of groups."""
+
+    def __init__(self, simulations: Sequence[Simulation]) -> None:
+        count = len(simulations)
+        self.simulations = simulations
+        self.effects: list[Effects | None] = [None] * count
+        self.taken, self.begun = np.zeros(count), np.zeros(count)
+        self.kinds: dict[object, int] = {}
+
+
 class _Group:
     """As many members as a register has lanes, of one pattern. Lanes without a member hold a copy
-    of the first, which has no steps to take."""
+    of the first, which has no steps to take. Members change places with those of other groups."""
 
-    def __init__(self, members: Sequence[Simulation], lanes: int) -> None:
-        self.members = list(members)
-        spare = [copy.copy(members[0]) for _ in range(lanes - len(members))]
-        self._all = [*members, *spare]
-        problems = [each._run.stepper.problem_of(each._run.present) for each in self._all]
-        phases = [each._run.present.phase for each in self._all]
+    def __init__(self, of: _Members, numbers: Sequence[int], lanes: int) -> None:
+        self._of = of
+        count = len(numbers)
+        first = of.simulations[numbers[0]]
+        self._spare = [copy.copy(first) for _ in range(lanes - count)]
+        self._numbers = np.array([*numbers, *[-1] * len(self._spare)], dtype=np.int64)
+        problems, phases = self._structs()
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
         size = problems[0].work.q.size
-        self.progress = LaneStruct([progress_of(size) for _ in self._all])
-        self._is_adaptive = is_adaptive(members[0])
+        self.progress = LaneStruct([progress_of(size) for _ in problems])
+        self._is_adaptive, self._pattern = is_adaptive(first), _pattern(first)
         self.crew = self._crew(problems, phases)
         self.listener = Listener(self.problem.work)
         # (lanes,) number of steps, targets, most iterations: of the kernel
@@ -60,45 +75,81 @@ class _Group:
             progress.target[0],
             progress.most[0],
         )
-        self._taken = np.zeros(lanes)  # steps in lanes that the members do not count yet
-        self._begun = np.zeros(lanes)
+
+    def _lanes(self) -> list[Simulation]:
+        """The simulation in each lane."""
+        spare = iter(self._spare)
+        each = self._numbers.tolist()
+        return [self._of.simulations[k] if k >= 0 else next(spare) for k in each]
+
+    def _structs(self) -> tuple[list[Problem], list[Phase]]:
+        runs = [each._run for each in self._lanes()]
+        problems = [run.stepper.problem_of(run.present) for run in runs]
+        return problems, [run.present.phase for run in runs]
 
     def _crew(self, problems: Sequence[Problem], phases: Sequence[Phase]) -> LaneCrew:
-        self._effects = [each.forces.effects for each in problems]
-        return crew_of(
+        effects = [each.forces.effects for each in problems]
+        for k, own in zip(self._numbers.tolist(), effects, strict=True):
+            if k >= 0:
+                self._of.effects[k] = own
+        applied = [each._run.present.applied for each in self._lanes()]
+        crew = crew_of(
             _addresses(problems),
             _addresses(phases),
-            [each._run.present.applied for each in self._all],
-            self._effects,
+            applied,
+            effects,
             [each.system.prescribed for each in problems],
             len(problems[0].unit),
             self._is_adaptive,
+            self.problem.columns(without='work'),
+            self._numbers.tolist(),
         )
+        self._numbers = crew.member
+        self._kind = self._key(crew, problems)
+        return crew
+
+    def _key(self, crew: LaneCrew, problems: Sequence[Problem]) -> object:
+        """Equal for groups whose members may change places: of one pattern, with the same functions
+        on numbers in the same places."""
+        forces = [each.forces for each in problems]
+        first, search = forces[0].effects, forces[0].kinks.search
+        for each in forces:
+            alike = are_alike(first, each.effects) and np.array_equal(search, each.kinks.search)
+            if not alike:
+                return object()
+        arrays = (first.force, first.side, first.slots, first.slots_at, first.params_at, search)
+        arrays = (*arrays, crew.sizes, crew.lane_force, crew.lane_drives, crew.steady)
+        return self._pattern, tuple(each.tobytes() for each in arrays)
 
     def bind(self) -> None:
         """Take the members as they are now."""
-        self.of = [each._run.stepper.problem_of(each._run.present) for each in self._all]
-        self.of_phase = [each._run.present.phase for each in self._all]
+        self.of, self.of_phase = self._structs()
         effects = [each.forces.effects for each in self.of]
-        if all(map(operator.is_, effects, self._effects)):
+        each = zip(self._numbers.tolist(), effects, strict=True)
+        if all(k < 0 or self._of.effects[k] is own for k, own in each):
             self.crew.problem[:] = _addresses(self.of)
             self.crew.phase[:] = _addresses(self.of_phase)
         else:
             self.crew = self._crew(self.of, self.of_phase)
-        self.crew.dated[0] = any(each.forces.kinks.instants.size for each in self.of)
-        self._index[:] = [each.step_index for each in self._all]
+        dated = any(each.forces.kinks.instants.size for each in self.of)
+        self.crew.dated[0] = dated
+        kinds = self._of.kinds
+        self.crew.kind[0] = kinds.setdefault((self._kind, dated), len(kinds))
+        self._index[:] = [each.step_index for each in self._lanes()]
 
-    def begin(self, n: int, moving: Sequence[bool]) -> None:
+    def begin(self, n: int, moving: NDArray[np.bool_]) -> None:
         """Set the targets of the moving members n steps ahead."""
-        crew, count = self.crew, len(self.members)
+        crew = self.crew
         crew.apart[:] = crew.result[:] = 0
-        self._most[:], self._begun[:] = 0.0, self._index
+        own = crew.member >= 0
+        numbers = crew.member[own]
+        self._most[:], self._of.begun[numbers] = 0.0, self._index[own]
         self._target[:] = self._index
-        self._target[:count] += n * np.array(moving)
+        self._target[own] += n * moving[numbers]
         if (self._target > self._index)[self._index == 0].any():
-            for m, each in enumerate(self.members):
-                if self._index[m] == 0 and self._target[m] > 0:
-                    self._start(m, each)
+            for m, k in enumerate(crew.member.tolist()):
+                if k >= 0 and self._index[m] == 0 and self._target[m] > 0:
+                    self._start(m, self._of.simulations[k])
 
     def _start(self, m: int, member: Simulation) -> None:
         """The first step of a scene that starts in a singular position is taken alone."""
@@ -112,7 +163,15 @@ class _Group:
 
     def end(self) -> None:
         """Count the steps since `begin`."""
-        self._taken += self._index - self._begun - self.crew.apart
+        own = self.crew.member >= 0
+        numbers = self.crew.member[own]
+        taken = self._index[own] - self._of.begun[numbers] - self.crew.apart[own]
+        self._of.taken[numbers] += taken
+
+    @property
+    def apart(self) -> int:
+        """How many steps members took alone."""
+        return int(self.crew.apart[self.crew.member >= 0].sum())
 
     def failures(self) -> dict[int, AlfError]:
         """By member. Raises what stopped one."""
@@ -120,21 +179,25 @@ class _Group:
             return {}
         self.settle()
         failed: dict[int, AlfError] = {}
-        for m, each in enumerate(self.members):
-            status = Status(int(self.crew.result[m]))
-            if status != Status.OK:
-                failed[m] = failure(each._run.stepper, status, each._run.present)
+        for k, result in zip(self.crew.member.tolist(), self.crew.result.tolist(), strict=True):
+            status = Status(result)
+            if k >= 0 and status != Status.OK:
+                run = self._of.simulations[k]._run
+                failed[k] = failure(run.stepper, status, run.present)
         return failed
 
     def settle(self, cost: float = math.nan) -> None:
         """Let the members count the steps since the last time; `cost` (s) of a step."""
-        for m, each in enumerate(self.members):
-            stepper, taken = each._run.stepper, int(self._taken[m])
+        for m, k in enumerate(self.crew.member.tolist()):
+            if k < 0:
+                continue
+            each, taken = self._of.simulations[k], int(self._of.taken[k])
+            stepper = each._run.stepper
             if not self._is_adaptive:  # whose stages the kernel counts
                 stepper.work.evaluations[0] += each.stages * taken
-            if self._index[m] > self._begun[m]:
+            if self._index[m] > self._of.begun[k]:
                 stepper.iterations, each._run.step_cost = int(self._most[m]), cost
-        self._taken[:] = 0.0
+            self._of.taken[k] = 0.0
 
 
 class SideBySide:
@@ -164,12 +227,12 @@ class SideBySide:
         if len({(each.h, each.solver.integrator) for each in self.simulations}) > 1:
             raise InputError('not of one step and integrator', key='simulations')
         self.patterns = len(patterns)
-        self._groups: list[tuple[list[int], _Group]] = []
+        members = _Members(self.simulations)
+        self._groups: list[_Group] = []
         for places in patterns.values():
             for first in range(0, len(places), self.lanes):
                 some = places[first : first + self.lanes]
-                group = _Group([self.simulations[k] for k in some], self.lanes)
-                self._groups.append((some, group))
+                self._groups.append(_Group(members, some, self.lanes))
 
     def step(self, n: int = 1, without: Container[int] = ()) -> dict[int, AlfError]:
         """n steps of each simulation in one compiled call, `without` some by their numbers.
@@ -196,25 +259,25 @@ class SideBySide:
     def bind(self) -> None:
         """Take the simulations as they are now, for calls of `advance` between which nobody else
         uses them."""
-        for _, group in self._groups:
+        self._where: dict[int, tuple[list[_Group], LaneGroups]] = {}
+        for group in self._groups:
             group.bind()
-        self._where: dict[int, tuple[list[tuple[list[int], _Group]], LaneGroups]] = {}
-        for places, group in self._groups:
-            D = group.members[0].model.layout.dimension
-            self._where.setdefault(D, ([], LaneGroups.empty()))[0].append((places, group))
+            D = len(group.of[0].unit)
+            self._where.setdefault(D, ([], LaneGroups.empty()))[0].append(group)
         for D, (groups, _) in self._where.items():
-            parts = ([getattr(g, part) for _, g in groups] for part in _PARTS)
+            parts = ([getattr(group, part) for group in groups] for part in _PARTS)
             self._where[D] = groups, LaneGroups(*map(_addresses, parts))
 
     def advance(self, n: int, without: Container[int] = ()) -> dict[int, AlfError]:
         """`step`, of simulations that are bound, which count their steps at `settle`."""
         failed: dict[int, AlfError] = {}
+        moving = np.array([k not in without for k in range(len(self.simulations))], dtype=bool)
         for groups, where in self._where.values():
-            for places, group in groups:
-                group.begin(n, [k not in without for k in places])
-            first = groups[0][1]
+            for group in groups:
+                group.begin(n, moving)
+            first = groups[0]
             kernel = advance_lanes
-            if is_adaptive(first.members[0]):
+            if is_adaptive(self.simulations[0]):
                 kernel = advance_lanes_adaptively
             stopped = kernel(
                 first.problem,
@@ -224,24 +287,24 @@ class SideBySide:
                 first.of[0],
                 first.of_phase[0],
                 where,
-                first.members[0].h,
+                self.simulations[0].h,
             )
-            for _, group in groups:
+            for group in groups:
                 group.end()
-            for places, group in groups:
-                failed |= {places[m]: error for m, error in group.failures().items()}
+            for group in groups:
+                failed |= group.failures()
             if stopped >= 0:
-                groups[stopped][1].listener.answer()
+                groups[stopped].listener.answer()
         return failed
 
     @property
     def apart(self) -> int:
         """How many steps of the last call members took alone, beside singular positions."""
-        return sum(int(group.crew.apart[: len(group.members)].sum()) for _, group in self._groups)
+        return sum(group.apart for group in self._groups)
 
     def settle(self, cost: float = math.nan) -> None:
         """Let the simulations count what `advance` has done; `cost` (s) of a step."""
-        for _, group in self._groups:
+        for group in self._groups:
             group.settle(cost)
 
     def run(

@@ -14,13 +14,17 @@ from alf_ros.kernel.numba_ext.structs import Struct
 class LaneCrew(Struct):
     """Where the data of each member stand, and functions for one of them."""
 
-    addresses = ('problem', 'phase', 'alone', 'forces', 'drives', 'lane_force', 'lane_drives')
+    addresses = (
+        *('problem', 'phase', 'alone', 'forces', 'drives', 'lane_force', 'lane_drives'),
+        *('stage', 'columns'),
+    )
 
     problem: Addresses  # (W,) of its Problem
     phase: Addresses  # (W,) of its Phase
     alone: Addresses  # (1,) where the code of steps of one member begins
     forces: Addresses  # (3,) of functions for one member: Q into its work, one effect, its side
     drives: Addresses  # (1,) of the function that places its prescribed blocks
+    stage: Addresses  # (1,) of the function that evaluates a stage of it exactly
     lane_force: Addresses  # (effects,) of force() for lanes, 0: none; (0,): for each member alone
     lane_drives: Addresses  # (1,) of the function that places prescribed blocks in lanes, or (0,)
     params: Floats  # (numbers W,) of `Effects.params`, in lanes
@@ -29,6 +33,10 @@ class LaneCrew(Struct):
     dated: Integers  # (1,) 1 if forces or drives have kinks over time
     result: Integers  # (W,) of the steps of each
     apart: Integers  # (W,) steps that each took alone
+    member: Integers  # (W,) its number among all members; -1: none
+    kind: Integers  # (1,) members of groups of one kind may change places
+    columns: Addresses  # (arrays,) of the numbers of the members, in lanes, but their workspaces
+    sizes: Addresses  # (arrays,) how many numbers of each member
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +51,14 @@ class LaneProgress(Struct):
     left: Floats  # (1,) s, of its step of the grid, or to a kink over time
     most: Floats  # (1,) most iterations in one solve
     across: Floats  # (1,) 1 if a kink of the forces is in its step, of an adaptive method
+    alone: Floats  # (1,) 1 if a stage of it is evaluated alone
+    more: Floats  # (1,) how many stages were, of steps that do not count yet
     Q: Floats  # (blocks D,) N, of the effects before one at which the members part
 
 
 def progress_of(blocks: int) -> LaneProgress:
     """Of a member with so many numbers of q."""
-    return LaneProgress(*[*np.zeros((8, 1)), np.zeros(blocks)])
+    return LaneProgress(*[*np.zeros((10, 1)), np.zeros(blocks)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from alf_ros.kernel.lanes.lane_group import (
 from alf_ros.kernel.lanes.lane_kinks import clear_of_instants
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import lane_step
-from alf_ros.kernel.lanes.single_member import give_phase
+from alf_ros.kernel.lanes.single_member import count_stages, give_phase
 from alf_ros.kernel.numba_ext.jit import ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.lane_structs import lane, struct_at
@@ -73,6 +73,7 @@ def _advance(
     take_members(problem, phase, progress, crew, of, of_phase)
     fresh, stopped = False, False
     ordinary = progress.index[0] < progress.index[0]  # the last step
+    progress.more[0] = pick(ordinary, 1.0, 0.0)
     while True:
         live = progress.index[0] < progress.target[0]
         if nowhere(live):
@@ -94,6 +95,8 @@ def _advance(
             progress.most[0] = pick(good, max(most, progress.most[0]), progress.most[0])
             accept_lanes(problem, phase, of, crew, h, good)
             progress.index[0] += pick(good, 1.0, 0.0)
+            if anywhere(progress.more[0] > 0.0):
+                count_stages(of, crew, progress, good)
         leaving = live & unless(good)
         ordinary = (ordinary | good) & unless(leaving)
         if anywhere(leaving):

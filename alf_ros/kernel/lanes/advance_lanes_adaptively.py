@@ -26,6 +26,7 @@ from alf_ros.kernel.lanes.lane_kinks import clear_of_kinks, end_at_instants
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import LaneSpan, lane_step_again
 from alf_ros.kernel.lanes.single_member import give_phase
+from alf_ros.kernel.lanes.waiting_members import next_waiting, take_waiting
 from alf_ros.kernel.numba_ext.jit import ONE, ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
@@ -58,7 +59,8 @@ def advance_lanes_adaptively(
     groups: LaneGroups,
     h: float,
 ) -> int:
-    """`advance_lanes`, each h in as many steps as the tolerance of the method takes."""
+    """`advance_lanes`, each h in as many steps as the tolerance of the method takes. Members may
+    change places with those of later groups of one kind."""
     for g in range(ZERO, np.uint64(groups.crew.size)):
         done = _advance(
             struct_at(problem, groups.problem[g]),
@@ -67,6 +69,8 @@ def advance_lanes_adaptively(
             struct_at(crew, groups.crew[g]),
             of,
             of_phase,
+            groups,
+            g,
             h,
         )
         if not done:
@@ -82,23 +86,31 @@ def _advance(
     crew: LaneCrew,
     of: Problem,
     of_phase: Phase,
+    groups: LaneGroups,
+    g: np.uint64,
     h: float,
 ) -> bool:
-    """The same of one group; returns whether it was not stopped. Variables have the names of
+    """The same of group g; returns whether it was not stopped. Variables have the names of
     `advance_adaptively`."""
-    unit, system, method, work = problem.unit, problem.system, problem.method, problem.work
+    unit, method, work = problem.unit, problem.method, problem.work
     members, share, stages = np.uint64(crew.problem.size), SHARE * method.tolerance, method.b.size
+    waiting, places = (g + ONE) * members, np.uint64(groups.crew.size) * members
+    live = progress.index[0] < progress.target[0]
+    if nowhere(live):
+        return True
     take_members(problem, phase, progress, crew, of, of_phase)
     for m in range(ZERO, members):
         struct_at(of, crew.problem[m]).work.crossing[ONE] = 0.0
-    live = progress.index[0] < progress.target[0]
     begun = live & unless(live)
     done = tried = tries = rounded = evaluations = pick(live, 0.0, 0.0)
     floor, longer = done + 1.0, done + h
     before = expected = done + np.inf
+    progress.more[0] = done
     fresh, stopped = False, False
     while True:
-        index, pace = progress.index[0], phase.pace[0]
+        # members may have changed places: what is constant in `problem` is that in one step only
+        problem = struct_at(problem, groups.problem[g])
+        system, index, pace = problem.system, progress.index[0], phase.pace[0]
         live = index < progress.target[0]
         if nowhere(live):
             break
@@ -154,7 +166,7 @@ def _advance(
         arrived = accepted & unless(done < h)
         if anywhere(arrived):
             progress.index[0] += pick(arrived, 1.0, 0.0)
-            progress.t[0] = pick(arrived, evaluations, 0.0)
+            progress.t[0] = pick(arrived, evaluations + progress.more[0], 0.0)
             progress.across[0] = rounded
             for m in range(ZERO, members):
                 if lane(progress.t, ZERO, m) > 0.0:
@@ -172,10 +184,23 @@ def _advance(
             if stopped:
                 break
             fresh = False
+        idle = (arrived | leaving) & unless(progress.index[0] < progress.target[0])
+        if waiting < places and anywhere(idle):
+            progress.t[0] = pick(idle, 1.0, 0.0)
+            for m in range(ZERO, members):
+                if lane(progress.t, ZERO, m) > 0.0:
+                    waiting = next_waiting(progress, crew, groups, waiting)
+                    if waiting < places:
+                        take_waiting(
+                            problem, phase, progress, crew, of, of_phase, groups, m, waiting
+                        )
+                        struct_at(of, crew.problem[m]).work.crossing[ONE] = 0.0
+                        fresh = False
         anew = arrived | leaving  # at a point of the grid
         if anywhere(anew):
             done, tried = pick(anew, 0.0, done), pick(anew, 0.0, tried)
             rounded, evaluations = pick(anew, 0.0, rounded), pick(anew, 0.0, evaluations)
+            progress.more[0] = pick(anew, 0.0, progress.more[0])
             floor, expected = pick(anew, 1.0, floor), pick(anew, np.inf, expected)
     for m in range(ZERO, members):
         state = struct_at(of_phase, crew.phase[m])

@@ -13,7 +13,7 @@ from alf_ros.kernel.augmented_residuals import (
     residuals,
     update_rows,
 )
-from alf_ros.kernel.augmented_solve import NOISE
+from alf_ros.kernel.augmented_solve import NOISE, turned
 from alf_ros.kernel.data import NOTHING, SOLVED, Problem, System, Until, Work
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.lane_numbers import nowhere, pick, unless
@@ -47,6 +47,10 @@ def augmented_lanes(
             slow = unless(closed) & going
             ratio = min(1.0, left / before)
             counts = slow if count != 2 or iterations == 2 else slow & (ratio <= until.patience)
+            slows = counts & (ratio > until.patience)
+            if not nowhere(slows):
+                still = slows & (left <= fine * size * turned(system, work, system.ordinary))
+                counts, ended = counts & unless(still), ended | still
             slowest = pick(counts, max(slowest, ratio), slowest)
             ended = ended | (slow & (slowest > until.patience))
         ended = ended & going

@@ -23,7 +23,7 @@ from alf_ros.kernel.lanes.lane_solve import (
     lane_velocities,
     path_curvature,
 )
-from alf_ros.kernel.lanes.single_member import lane_drives, lane_forces
+from alf_ros.kernel.lanes.single_member import evaluated_alone, lane_drives, lane_forces
 from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.lost_rank import fallen, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, ZERO, inner
@@ -171,8 +171,11 @@ def _stage(
     put_sum(work.target, work.delta, work.q, work.p.size)
     rounds, good = lane_velocities(problem, good)  # (33)
     lane_forces(problem, of, crew, progress)
-    more, good = lane_accelerations(problem, good)  # (26)
-    return max(rounds, more), good
+    more, fine = lane_accelerations(problem, good)  # (26)
+    slow = good & unless(fine)
+    if anywhere(slow):
+        fine = fine | evaluated_alone(problem, of, crew, progress, slow)
+    return max(rounds, more), fine
 
 
 @inner

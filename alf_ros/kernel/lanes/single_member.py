@@ -7,7 +7,9 @@ the machine code of a single run, which is called where it begins: it is not com
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import typeof, types
@@ -16,14 +18,16 @@ from alf_ros.arrays import Addresses, Floats
 from alf_ros.kernel.adaptive import advance_adaptively
 from alf_ros.kernel.applied_forces import add_one
 from alf_ros.kernel.augmented_solve import apply, note_side
-from alf_ros.kernel.data import Phase, Problem, Span, Work
+from alf_ros.kernel.data import Phase, Problem, Scales, Span, Work
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
 from alf_ros.kernel.fixed_steps import advance
-from alf_ros.kernel.numba_ext.calls import call, call_for_counts, entry
+from alf_ros.kernel.numba_ext.calls import call, call_for_counts, call_for_number, entry
 from alf_ros.kernel.numba_ext.jit import TWO, ZERO, by_address, inner
+from alf_ros.kernel.numba_ext.lane_numbers import pick
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.stage import stage
 
 
 @inner
@@ -135,13 +139,18 @@ def _give(problem: Problem, member: Problem, m: np.uint64, given: bool) -> None:
 @inner
 def take_params(of: Problem, crew: LaneCrew) -> None:
     """The numbers of the effects of all members, if forces are computed in lanes."""
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        take_params_of(of, crew, m)
+
+
+@inner
+def take_params_of(of: Problem, crew: LaneCrew, m: np.uint64) -> None:
+    """The same of the member in lane m."""
     if crew.lane_force.size == 0:
         return
-    lanes = np.uint64(crew.problem.size)
-    for m in range(ZERO, lanes):
-        params = struct_at(of, crew.problem[m]).forces.effects.params
-        for i in range(ZERO, np.uint64(params.size)):
-            crew.params[i * lanes + m] = params[i]
+    params, lanes = struct_at(of, crew.problem[m]).forces.effects.params, crew.problem.size
+    for i in range(ZERO, np.uint64(params.size)):
+        crew.params[i * np.uint64(lanes) + m] = params[i]
 
 
 @inner
@@ -233,6 +242,57 @@ def _prescribe(problem: Problem, t: float) -> None:
 
 
 @inner
+def evaluated_alone(
+    problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress, slow: Any
+) -> Any:
+    """Evaluate a stage of the lanes where `slow` holds exactly, as the kernel of a single mechanism
+    does where its accelerations were slow with the factor of a guess; the rest as of `stage`.
+    Returns where that shows no singular position."""
+    progress.alone[0] = pick(slow, 1.0, 0.0)
+    work, system = problem.work, problem.system
+    n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        if lane(progress.alone, ZERO, m) > 0.0:
+            own = struct_at(of, crew.problem[m]).work
+            put_lane(work.q, own.q, whole, m)
+            put_lane(work.qd, own.qd, whole, m)
+            put_lane(work.qdd, own.qdd, whole, m)
+            put_lane(work.target, own.target, whole, m)
+            put_lane(work.p, own.p, n, m)
+            x = 0.0
+            if system.integrals.row.size == ZERO:  # whose begin the member does not know
+                x = call_for_number(
+                    crew.stage[0], struct_at(of, crew.problem[m]), lane(progress.t, ZERO, m)
+                )
+                own.evaluations[0] -= 1  # it counts with the step
+            if x < np.inf:
+                set_lane(progress.alone, ZERO, m, 0.0)
+                continue
+            set_lane(progress.more, ZERO, m, lane(progress.more, ZERO, m) + 1.0)
+            take_lane(own.q, work.q, ZERO, n, m)
+            take_lane(own.qd, work.qd, ZERO, n, m)
+            take_lane(own.qdd, work.qdd, ZERO, n, m)
+            # the end of a step begins with the Φ_q and the factor of the last stage
+            take_lane(own.g, work.g, ZERO, np.uint64(own.g.size), m)
+            take_lane(own.g2, work.g2, ZERO, np.uint64(own.g2.size), m)
+            take_lane(own.gf, work.gf, ZERO, np.uint64(own.gf.size), m)
+            take_lane(own.g2f, work.g2f, ZERO, np.uint64(own.g2f.size), m)
+            take_lane(own.diagonal, work.diagonal, ZERO, np.uint64(own.diagonal.size), m)
+            take_lane(own.off, work.off, ZERO, np.uint64(own.off.size), m)
+    return progress.alone[0] > 0.0
+
+
+@inner
+def count_stages(of: Problem, crew: LaneCrew, progress: LaneProgress, good: Any) -> None:
+    """Count the stages that were evaluated alone where `good` holds, and forget all of them."""
+    progress.alone[0] = pick(good, progress.more[0], 0.0)
+    progress.more[0] = pick(good, 0.0, 0.0)
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        evaluations = struct_at(of, crew.problem[m]).work.evaluations
+        evaluations[0] += np.int64(lane(progress.alone, ZERO, m))
+
+
+@inner
 def step_alone(
     alone: np.uint64, problem: Problem, phase: Phase, h: float
 ) -> tuple[np.int64, np.int64, np.int64]:
@@ -241,10 +301,23 @@ def step_alone(
     return call_for_counts(alone, problem, phase, span, bool(ZERO))
 
 
+def _evaluate(problem: Problem, t: float) -> float:
+    _, x, _ = stage(problem, t, Scales(0.0, 0.0, 0.0), True, True)
+    return x
+
+
+class MemberFunctions(NamedTuple):
+    """Fields of a `LaneCrew`."""
+
+    alone: Addresses
+    forces: Addresses
+    drives: Addresses
+    stage: Addresses
+
+
 @cache
-def functions_of_members(dimension: int, adaptive: bool) -> tuple[Addresses, Addresses, Addresses]:
-    """`alone`, `forces` and `drives` of a `LaneCrew`, in 2 or 3 dimensions: steps of a fixed
-    length, or `adaptive`."""
+def functions_of_members(dimension: int, adaptive: bool) -> MemberFunctions:
+    """In 2 or 3 dimensions: steps of a fixed length, or `adaptive`."""
     problem, phase = Problem._numba_type(dimension), Phase._numba_type()
     now = types.void(problem, types.float64)
     one = types.void(problem, types.uint64, types.float64)
@@ -252,8 +325,12 @@ def functions_of_members(dimension: int, adaptive: bool) -> tuple[Addresses, Add
     alone = entry(advance_adaptively if adaptive else advance, problem, phase, span, types.boolean)
     forces = [by_address(now)(_apply), by_address(one)(_add_force), by_address(now)(_note_side)]
     drives = [by_address(now)(_prescribe)]
-    return (
+    stages = [by_address(types.float64(problem, types.float64))(_evaluate)]
+    return MemberFunctions(
         np.array([alone], dtype=np.uint64),
-        np.array([each.address for each in forces], dtype=np.uint64),
-        np.array([each.address for each in drives], dtype=np.uint64),
+        *(_addresses(each) for each in (forces, drives, stages)),
     )
+
+
+def _addresses(functions: Sequence[Any]) -> Addresses:
+    return np.array([each.address for each in functions], dtype=np.uint64)

@@ -87,6 +87,17 @@ class LaneStruct:
         self._table = np.array(words, dtype=np.uint64)
         self._address = self._table.ctypes.data
 
+    def columns(self, without: str = '') -> list[Floats]:
+        """Its arrays (numbers, W), and those of structs in it but one; each once."""
+        found = []
+        for name, _, part in self._numba_type_.parts:
+            value = getattr(self, name)
+            if isinstance(value, LaneStruct):
+                found += value.columns() if name != without else []
+            elif isinstance(part, (VectorType, LanesType)) and value_in_lanes(part):
+                found.append(value)
+        return found
+
 
 def value_in_lanes(part: Any) -> bool:
     """Whether a field holds numbers of each member."""
@@ -116,6 +127,19 @@ def struct_at(typing: Any, like: Any, address: Any) -> Any:
         return builder.inttoptr(args[1], args[0].type)
 
     return like(like, types.uint64), code
+
+
+@intrinsic
+def lanes_at(typing: Any, like: Any, address: Any, size: Any) -> Any:
+    """So many numbers at an address, in lanes as another vector."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        made = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+        made.data = builder.inttoptr(args[1], made.data.type)
+        made.size = args[2]
+        return made._getvalue()
+
+    return like(like, types.uint64, types.uint64), code
 
 
 def _lane(context: Any, builder: Any, kind: Any, args: Any) -> Any:
