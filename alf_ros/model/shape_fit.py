@@ -104,8 +104,8 @@ def violation(model: Model, q: Floats) -> Floats:
 
 
 def rounded_violation(model: Model, q: Floats) -> Floats:
-    """|Φ_q| |q| EPS: by how much Φ(q) changes, at most, as q (blocks D, m) is rounded; in the order
-    of `row_names`."""
+    """EPS |Φ_q| |q|: by how much Φ changes at most as q (blocks D, m) is rounded, in the order of
+    `row_names`."""
     rows, D = model.system.rows, model.layout.dimension
     g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
     kernel.jacobian(model.unit, rows, q, g, g2)
