@@ -342,13 +342,13 @@ class Walk:
     def excess(self, places: list[Floats]) -> float:
         """The same in units of the rounding that rows feel there.
 
-        This grows with the square of the way that a slide is pulled out: its direction, that of a
-        short bar, is rounded as the far places of the bar's ends.
+        This grows with the square of the way that a slide is pulled out: a direction is the
+        difference of two far places, divided by a short length.
         """
         return max((self.widest(q) / self._rounding_at(q) for q in places), default=0.0)
 
     def _rounding_at(self, q: Floats) -> float:
-        """What rounding of q leaves open, m."""
+        """The largest gap that rounding of q leaves, m."""
         scale = self.model.system.rows.scale[self.model.row]
         felt = float((rounded_violation(self.model, q) * scale).max(initial=0.0))
         return max(self.rounding, felt)

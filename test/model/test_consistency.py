@@ -203,7 +203,7 @@ def telescope(seed: int, guides: int) -> dict[str, Any]:
 
 @pytest.mark.parametrize('seed', [0, 3, 4])
 def test_slides_may_be_pulled_out_far(seed: int) -> None:
-    """What rounding leaves open grows with the square of the way; it was taken for lengths that
+    """Gaps that rounding leaves grow with the square of the way. They were taken for lengths that
     contradict each other."""
     places = []
     for guides in (1, 2):
