@@ -34,7 +34,7 @@ from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.triangular_solve import solve
 
 _LEAST_PIVOT = 1e-4  # part of a diagonal number that its pivot keeps, at least
-_HELD = 1e-4  # part of a pivot without rows that rows leave of it, at least
+_HELD = 1e-4  # part of a pivot that is its error, at most
 _SETTLED, _CHANGES = 1e-12, 6  # error left, as a part of u; complete solves for it, at most
 
 
@@ -152,32 +152,34 @@ def _size(of: Actuation) -> float:
 
 @inner
 def _factorise(of: Actuation) -> bool:
-    """G = Bᵀ A⁻¹ B as L Lᵀ; returns whether its pivots are large enough: their errors, parts of
-    what they were without rows, add up on the way."""
+    """G = Bᵀ A⁻¹ B as L Lᵀ; returns whether its pivots are large enough.
+
+    Of a mode of σ a part 1 / (1 + s²) is left in B x, x = A⁻¹ B, and the square of this part in
+    xᵀ M x. Their difference is tiny if an actuator moves the mechanism, and the whole of G if rows
+    hold its direction. These errors of the pivots add up on the way.
+    """
     work, pattern = of.problem.work, of.problem.system.pattern
     a, size, n = of.u.size, of.x.size, work.p.size
     for c in range(a):
         for i in range(size):
-            work.delta[i] = of.B[c * size + i] if i < n else 0.0
-        solve(of.unit, pattern, work.diagonal, work.off, work.delta)
+            of.x[i] = of.B[c * size + i] if i < n else 0.0
+        solve(of.unit, pattern, work.diagonal, work.off, of.x)
         for i in range(n):
-            of.X[c * size + i] = work.delta[i]
+            of.X[c * size + i] = of.x[i]
         for e in range(c, a):
-            total = 0.0
-            for i in range(n):
-                total += of.B[e * size + i] * work.delta[i]
-            of.G[e * a + c] = total
+            of.G[e * a + c] = _along(of, e)
+        of.c[c] = of.G[c * a + c] - _size(of) ** 2
     for c in range(a):
-        own, free = of.G[c * a + c], _alone(of, c)
+        own, held = of.G[c * a + c], of.c[c]
         for k in range(c):
-            free += (of.G[c * a + k] / of.G[k * a + k]) ** 2 * of.c[k]
-        of.c[c] = free
+            held += (of.G[c * a + k] / of.G[k * a + k]) ** 2 * of.c[k]
+        of.c[c] = held
         for e in range(c, a):
             s = of.G[e * a + c]
             for k in range(c):
                 s -= of.G[e * a + k] * of.G[c * a + k]
             if e == c:
-                if not s > max(_LEAST_PIVOT * own, _HELD * free):
+                if not s > max(_LEAST_PIVOT * own, held / _HELD):
                     return False
                 of.G[c * a + c] = np.sqrt(s)
             else:

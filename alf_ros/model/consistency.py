@@ -23,7 +23,7 @@ from alf_ros.model import branch_words
 from alf_ros.model.compile import Model
 from alf_ros.model.free_walk import (
     EXACT,
-    GOOD,
+    FELT,
     LARGEST,
     PENALTY,
     SEARCHED,
@@ -81,7 +81,7 @@ def made_consistent(
     model = model.with_penalty(PENALTY)
     walk = Walk(model, dependent_rows)
     places, singular = walk.places(q, _MANY if model.n <= SEARCHED else _FEW)
-    if walk.gap(places + singular) <= EXACT * walk.rounding:
+    if walk.excess(places + singular) <= EXACT:
         return None
     if model.n > SEARCHED:
         places, singular = walk.places(q, _MANY)
@@ -116,12 +116,12 @@ def freed(model: Model, q: Floats, dependent_rows: int) -> tuple[Model, Floats, 
 def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechanism:
     """The mechanism whose rows agree at the places, by Gauss and Newton.
 
-    The mechanism of the walk if rows disagree in singular positions only: it is then as drawn, and
-    steps report it where the motion comes there.
+    The mechanism of the walk if rows disagree by too little to be felt, or in singular positions
+    only: it is then as drawn, and steps report it where the motion comes there.
     """
-    drawn, alone = walk.model.mechanism, walk.gap(places) <= EXACT * walk.rounding
-    start, contradiction = walk.gap(places + singular), _contradiction(walk, places + singular)
-    best, found, good = start, drawn, GOOD * walk.rounding
+    drawn, alone = walk.model.mechanism, walk.excess(places) <= EXACT
+    start, contradiction = walk.excess(places + singular), _contradiction(walk, places + singular)
+    best, found = start, drawn
     for n in range(_ROUNDS):
         # places say the same again and again: some do, as the next round looks at others
         some = places[:: max(1, len(places) // _FITTED)] + singular
@@ -133,16 +133,16 @@ def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechani
         places, singular = walk.places(q, _MANY, n + 1)
         if not places:
             break
-        gap, before = walk.gap(places + singular), best
-        if gap < best:
-            found, best = mechanism, gap
-        if best <= good and gap > 0.5 * before:
+        excess, before = walk.excess(places + singular), best
+        if excess < best:
+            found, best = mechanism, excess
+        if best <= EXACT and excess > 0.5 * before:
             break
-    if best > good and alone:
+    if best <= EXACT:
+        return found
+    if alone or start <= FELT:
         return drawn
-    if best > good:
-        raise contradiction
-    return found
+    raise contradiction
 
 
 def _shaky(model: Model, q: Floats, dependent_rows: int) -> AssemblyError | None:

@@ -22,13 +22,12 @@ from alf_ros.model.closing_newton import settle_as_far_as_rows_agree
 from alf_ros.model.compile import Model, allocate, compile_model, hold
 from alf_ros.model.golden_section import lowest
 from alf_ros.model.rank import distance, effective_rank
-from alf_ros.model.shape_fit import Projector, violation
+from alf_ros.model.shape_fit import Projector, rounded_violation, violation
 from alf_ros.model.smooth_branch import BETWEEN, SmoothBranch
 
 LARGEST = 1e-8  # gap, of the size: lengths that differ by more are not meant to be equal
-EXACT = 2.0  # rounding units of the coordinates: exact lengths leave less open than that
-GOOD = 16.0  # the same: of adjusted lengths
-_FELT = 64.0  # the same, in a singular position: below that no motion feels it
+EXACT = 16.0  # rounding units: lengths that leave no more than that open agree
+FELT = 64.0  # the same: below that no motion feels it
 PENALTY = 1e8  # tells σ above 1e-3 from those that a small gap makes
 _CLEAR = 0.1  # distance to a singular position, of the ordinary one, below which nothing counts
 _ASTRAY = 1e-3  # gap, of the size, above which a way has lost the mechanism
@@ -98,7 +97,7 @@ class Walk:
             found += forth + back
             if model.n <= SEARCHED:
                 singular += self._singular([*reversed(back), start, *forth])
-        least, most = _FELT * self.rounding, LARGEST * model.size
+        least, most = FELT * self.rounding, LARGEST * model.size
         near = [place for place in singular if least < self.widest(place) <= most]
         return [place for place in found if self.is_ordinary(place)], near
 
@@ -170,7 +169,7 @@ class Walk:
 
     def is_ordinary(self, q: Floats) -> bool:
         """Whether the residual at q is a contradiction; beside a singular position it is not."""
-        if self.widest(q) <= EXACT * self.rounding:
+        if self.excess([q]) <= EXACT:
             return True
         model, work = self.model, self._work
         if not kernel.linearise(model.unit, model.system, work, q):
@@ -252,7 +251,7 @@ class Walk:
         """The singular position at a place; None if there is none, or branches do not tell."""
         if soft.ends or not self._is_lost(soft.q):
             return None
-        least, before = _FELT * self.rounding, math.inf
+        least, before = FELT * self.rounding, math.inf
         if self.widest(soft.q) <= least:
             return soft.q
         for spacing in _SPACINGS:
@@ -310,7 +309,7 @@ class Walk:
             forth, back = (list(self._way(start, s * direction, count)) for s in (1.0, -1.0))
             for soft in self._soft([*reversed(back), start, *forth]):
                 gap = max(gap, self._missed_by(soft))
-        return gap if gap > _FELT * self.rounding else 0.0
+        return gap if gap > FELT * self.rounding else 0.0
 
     def _missed_by(self, soft: SoftPlace) -> float:
         """By how much (m) lengths miss a singular position at a place where a mode is softest; 0
@@ -339,6 +338,20 @@ class Walk:
     def gap(self, places: list[Floats]) -> float:
         """The largest at any of the places, m."""
         return max((self.widest(q) for q in places), default=0.0)
+
+    def excess(self, places: list[Floats]) -> float:
+        """The same in units of the rounding that rows feel there.
+
+        This grows with the square of the way that a slide is pulled out: a direction is the
+        difference of two far places, divided by a short length.
+        """
+        return max((self.widest(q) / self._rounding_at(q) for q in places), default=0.0)
+
+    def _rounding_at(self, q: Floats) -> float:
+        """The largest gap that rounding of q leaves, m."""
+        scale = self.model.system.rows.scale[self.model.row]
+        felt = float((rounded_violation(self.model, q) * scale).max(initial=0.0))
+        return max(self.rounding, felt)
 
 
 def compiled(mechanism: Mechanism) -> Model:

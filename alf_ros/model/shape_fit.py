@@ -11,6 +11,7 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Work
+from alf_ros.kernel.data import EPS
 from alf_ros.mechanism import Mechanism
 from alf_ros.mechanism.natural_coordinates import assembled
 from alf_ros.model.compile import Model, allocate, constraints, drawn
@@ -100,6 +101,20 @@ def violation(model: Model, q: Floats) -> Floats:
     phi = np.zeros(len(model.row_names))
     kernel.violation(model.unit, model.system.rows, q, phi)
     return np.asarray(phi[model.row])
+
+
+def rounded_violation(model: Model, q: Floats) -> Floats:
+    """EPS |Φ_q| |q|: by how much Φ changes at most as q (blocks D, m) is rounded, in the order of
+    `row_names`."""
+    rows, D = model.system.rows, model.layout.dimension
+    g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
+    kernel.jacobian(model.unit, rows, q, g, g2)
+    sizes = np.abs(q).reshape(-1, D)
+    distances = (np.abs(g).reshape(-1, D) * (sizes[rows.i] + sizes[rows.j])).sum(axis=1)
+    entries = (np.abs(g2).reshape(-1, D) * sizes[rows.block]).sum(axis=1)
+    owner = np.repeat(np.arange(rows.movable.size), np.diff(rows.first.astype(np.int64)))
+    forms = np.bincount(owner, entries, rows.movable.size)
+    return np.asarray(EPS * np.concatenate([distances, forms])[model.row])
 
 
 def _violations(model: Model, mechanism: Mechanism) -> Callable[[Floats], Floats]:

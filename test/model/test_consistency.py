@@ -74,7 +74,7 @@ def run(scene: dict[str, Any], integrator: str, **options: Any) -> tuple[Simulat
 
 @pytest.mark.parametrize(
     ('error', 'integrator'),
-    combined(thinned([1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9], [1e-14, 1e-12, 1e-9]), STEPS),
+    combined(thinned([1e-13, 1e-12, 1e-11, 1e-10, 1e-9], [1e-13, 1e-11, 1e-9]), STEPS),
 )
 def test_redundant_cranks_are_made_equal(error: float, integrator: str) -> None:
     exact, energies = run(wheels(0.0), integrator)
@@ -167,6 +167,51 @@ def test_exact_mechanisms_stay_as_they_are(name: str) -> None:
 def test_exact_scissors_stay_as_they_are(stages: int) -> None:
     """At the top many modes vanish together, and guesses are off the branch."""
     assert Simulation(load_scene('scissor_lift', {'N': stages})).adjustment is None
+
+
+def telescope(seed: int, guides: int) -> dict[str, Any]:
+    """A crank, a slide on it, and a slide on that with one or two guides 3 cm apart, at random."""
+    random = np.random.default_rng(seed)
+
+    def unit() -> Floats:
+        angle = random.uniform(0.0, 2.0 * math.pi)
+        return np.array([math.cos(angle), math.sin(angle)])
+
+    along, inward = unit(), unit()
+    S, X = random.uniform(-1.0, 1.0, (2, 2))
+    at = {'A': 0.45 * unit(), 'S': S, 'T': S + 0.4 * unit(), 'X': X, 'Y': X + 0.4 * unit()}
+    at['Z'] = X + 0.03 * inward
+    points: dict[str, Any] = {name: {'at': place.tolist()} for name, place in at.items()}
+    points['O'] = {'at': [0.0, 0.0], 'fixed': True}
+    rod = {'mass': 1.0, 'inertia': 'rod'}
+    bodies = {
+        'crank': {'points': ['O', 'A'], **rod},
+        'first': {'points': ['S', 'T'], **rod},
+        'second': {'points': ['X', 'Y', 'Z'], **rod},
+    }
+    joints: dict[str, Any] = {
+        'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+        'guide': {'type': 'prismatic', 'between': ['crank', 'first'], 'at': 'S'},
+    }
+    joints['guide']['axis'] = along.tolist()
+    for place in ['X', 'Z'][:guides]:
+        slide = {'type': 'prismatic', 'between': ['first', 'second'], 'at': place}
+        joints[f'inner_{place}'] = {**slide, 'axis': inward.tolist()}
+    mechanism = {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
+    return {'mechanism': mechanism, 'effects': {'gravity': {'acceleration': [0.0, -9.81]}}}
+
+
+@pytest.mark.parametrize('seed', [0, 3, 4])
+def test_slides_may_be_pulled_out_far(seed: int) -> None:
+    """Gaps that rounding leaves grow with the square of the way. They were taken for lengths that
+    contradict each other."""
+    places = []
+    for guides in (1, 2):
+        sim = Simulation(telescope(seed, guides), step=1e-2, integrator='dop853')
+        assert sim.adjustment is None
+        sim.step(30)
+        places.append(sim.sample().points['Y'])
+    assert places[1] == pytest.approx(places[0], abs=1e-11)
 
 
 def test_a_driven_crank_stays_driven() -> None:

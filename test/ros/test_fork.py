@@ -354,6 +354,38 @@ def test_initial_velocities_that_contradict_each_other_with_a_change_do_not_matt
     assert kept.scene().velocities
 
 
+@pytest.mark.parametrize(
+    ('changes', 'reason'),
+    [
+        (['L=1.2'], 'A (y given) is off by 0.'),
+        (['push.force=[0,0]', 'gravity.acceleration=[1,-9.81]'], 'equally on two branches'),
+    ],
+)
+def test_initial_positions_that_a_change_makes_impossible_do_not_matter(
+    tmp_path, capsys, changes, reason
+):
+    """A length contradicts them, or forces leave from there in two ways: the fork begins where
+    the push has moved the slider to."""
+    effects = {
+        'gravity': {'acceleration': [0, -9.81]},
+        'constant_wrench': {'push': {'on': 'B', 'force': [5, 0]}},
+    }
+    upright = {'positions': {'A': [0, 1], 'B': [0, 0]}}
+    scene = {'mechanism': 'slider_crank', 'effects': effects, 'initial': upright}
+    (tmp_path / 'scene.yaml').write_text(json.dumps(scene), 'utf-8')
+    path, _ = make(tmp_path, tmp_path / 'scene.yaml', 60)
+    capsys.readouterr()
+    log = load(path.parent)
+    child = forked(log, tmp_path, '--at', '0.1', '--set', *changes)
+    said = capsys.readouterr().err
+    assert said.count('\n') == 1 and reason in said
+    assert 'without initial.positions in the scene' in said
+    assert not child.scene().positions
+    before = log.states.q[np.searchsorted(log.states.t, 0.1)]
+    assert before[2] > 0.02 and np.abs(child.states.q[0] - before).max() < 0.25
+    assert compare(child).equal
+
+
 def test_an_angle_that_is_moved_over_half_a_turn_goes_on(tmp_path):
     """Another length moves the crank by a little; its angle must not begin a turn away."""
     path, _ = make(tmp_path, 'four_bar', 100)

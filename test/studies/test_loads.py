@@ -104,6 +104,37 @@ def test_singular_instants_have_limits() -> None:
     assert np.isnan(alone['crank_pin']).all()
 
 
+def test_an_actuator_of_an_angle_that_rows_hold_has_no_effort() -> None:
+    """A heavy block that hardly resists turning, on two parallel rails. The torque about one rail
+    was -1 N m, which the other rail holds alone."""
+    mechanism = {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {'O': {'at': [0, 0, 0]}, 'A': {'at': [0, 1, 0]}},
+        'bodies': {
+            'block': {
+                'points': ['O', 'A'],
+                'mass': 10.0,
+                'com': [0, 0, 0],
+                'inertia': {'about_com': [1e-4, 1e-4, 1e-4]},
+            }
+        },
+    }
+    mechanism['joints'] = {
+        name: {'type': kind, 'between': ['ground', 'block'], 'at': at, 'axis': [1, 0, 0]}
+        for name, kind, at in (('rail', 'cylindrical', 'O'), ('guide', 'prismatic', 'A'))
+    }
+    scene = {
+        'mechanism': mechanism,
+        'drives': {'path': {'joint': 'guide', 'length': '0.3*sin(2*t)'}},
+        'effects': {'constant_wrench': {'on': 'block', 'force': [0, 0, 0], 'torque': [1, 0, 0]}},
+    }
+    found = loads(scene, ['rail_angle', 'rail_length'], times=TIMES)
+    assert np.abs(found['rail_angle']).max() < 1e-12
+    assert found['rail_length'] == pytest.approx(-12.0 * np.sin(2.0 * TIMES), abs=1e-11)
+    assert '2 actuators move 1 freedoms' in found.notes[0]
+
+
 DOUBLE: dict[str, Any] = {'mechanism': 'double_pendulum', 'effects': GRAVITY}
 
 

@@ -51,7 +51,7 @@ def fork(
 
     `changes` are changes for `scene.overrides`. The inputs that the log has from there on act at
     the same times. `warn` is called with a text if the log is not whole, if the steps are too
-    long, if the scene of the new log has no initial velocities, and if the log has messages of
+    long, if the scene of the new log has another start, and if the log has messages of
     sensors: the new one has none.
     Returns the folder of the new log, made in `folder`. Raises InputError for an impossible
     request, StepError if a step fails; the log is complete up to that step. A log whose inputs are
@@ -146,26 +146,13 @@ def _change(
             if name in changes and not acts:
                 said = 'has no effect: a target from outside is held there'
                 raise InputError(said, key='--set', value=name)
-    scene = overrides.with_changes(rerun.scene, changes)
-    own = {key: getattr(scene.solver, key) for key in changed}
+    own = {
+        key: getattr(overrides.with_changes(rerun.scene, changes).solver, key) for key in changed
+    }
     solver = dataclasses.asdict(before.solver)
     if own:
         solver = joined(solver, own)
-    try:
-        after = Simulation(scene, **solver, ledger=before.ledger)
-    except AssemblyError as error:
-        if error.key != 'initial.velocities':
-            raise
-        # They are of the run from its start, and a fork begins in the state of the log.
-        at_rest = {'initial.velocities': '{}'}
-        if scene.branch is not None:  # which velocities begin on
-            at_rest['initial.branch'] = '~'
-        scene = overrides.with_changes(rerun.scene, {**changes, **at_rest})
-        after = Simulation(scene, **solver, ledger=before.ledger)
-        warn(
-            f'without initial.velocities in the scene of the new log: {error.message} (the new '
-            'log begins in the state of the old one)'
-        )
+    scene, after = _startable(rerun, changes, solver, warn)
     start = before.state
     if start.loads.size != after.state.loads.size:  # other effects rub: nothing is known of them
         start = dataclasses.replace(start, loads=np.zeros_like(after.state.loads))
@@ -208,6 +195,42 @@ def _change(
                 raise InputError(text, key='--set')
     rerun.scene, rerun.simulation = scene, after
     return after.state
+
+
+def _startable(
+    rerun: Rerun, changes: Mapping[str, str], solver: dict[str, Any], warn: Callable[[str], None]
+) -> tuple[Scene, Simulation]:
+    """The changed scene, and its simulation at its start.
+
+    A fork does not begin there, but in the state of the log. So a start that the changes make
+    impossible, or not unique, is given up: first its velocities, then its positions too.
+    """
+    given_up: dict[str, str] = {}
+    reason = ''
+    while True:
+        scene = overrides.with_changes(rerun.scene, {**changes, **given_up})
+        try:
+            after = Simulation(scene, **solver, ledger=rerun.simulation.ledger)
+            break
+        except AssemblyError as error:
+            reason = reason or error.message
+            if scene.velocities and error.key == 'initial.velocities':
+                given_up['initial.velocities'] = '{}'
+            elif scene.positions and error.key in ('initial.velocities', 'initial.positions'):
+                given_up['initial.positions'] = '{}'
+                if scene.velocities:
+                    given_up['initial.velocities'] = '{}'
+            else:
+                raise
+            if scene.branch is not None:  # which velocities begin on
+                given_up['initial.branch'] = '~'
+    if given_up:
+        names = ' and '.join(name for name in sorted(given_up) if name != 'initial.branch')
+        warn(
+            f'without {names} in the scene of the new log: {reason} (the new log begins in the '
+            'state of the old one)'
+        )
+    return scene, after
 
 
 def _on_grid(state: State, before: Simulation, after: Simulation) -> State:
