@@ -45,7 +45,7 @@ def add(
                 'higher orders of tendons',
                 (model.tendon_stiffnesspoly[n], model.tendon_dampingpoly[n]),
             ),
-            ('armature of tendons', model.tendon_armature[n]),
+            ('armature of tendons', () if shape.joints else model.tendon_armature[n]),
             (
                 'springs that yield',
                 model.tendon_stiffness[n] and mjcf_switches.yields(model, 'tendon', n),
@@ -64,6 +64,7 @@ def add(
                 damping=float(model.tendon_damping[n]),
                 friction=float(model.tendon_frictionloss[n]),
                 limits=(low + margin, high - margin) if model.tendon_limited[n] else None,
+                armature=float(model.tendon_armature[n]) if shape.joints else 0.0,
             )
         )
     return found
