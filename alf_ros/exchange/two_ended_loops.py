@@ -76,5 +76,6 @@ def add(reader: UrdfReader, loop: TwoEndedLoop) -> None:
     axes = tuple(frame.turn[:, 2] for frame in frames)[: AXES.get(loop.kind, 1)]
     slides = loop_gaps.slides(loop.kind)
     place = frames[1 if slides else 0].origin  # where something slides it belongs to the child
-    made = Connection(loop.name, loop.kind, *parts, place, axes, pitch=loop.pitch)
+    first, second = parts
+    made = Connection(loop.name, loop.kind, first, second, place, axes, pitch=loop.pitch)
     reader.robot.connect(made, None if slides else frames[1].origin)

@@ -164,6 +164,23 @@ def test_armature_like_mujoco(tmp_path: Path) -> None:
     assert np.ravel(found) == pytest.approx(wanted - [*start[:3], 0.0, 0.0, 0.0], abs=1e-8)
 
 
+def test_armature_on_branches_is_listed(tmp_path: Path) -> None:
+    """MuJoCo has no inertia there that couples the joints; here the rotor has all of it."""
+    arm = """<body pos="0 {0} 0"><joint name="{1}" axis="0 1 0"/>
+ <inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.1 0.1"/></body>"""
+    source = f"""<mujoco><worldbody>{arm.format(0, 'a')}{arm.format(1, 'b')}</worldbody><tendon>
+ <fixed name="t" armature="0.3"><joint joint="a" coef="1"/><joint joint="b" coef="-0.5"/></fixed>
+ </tendon></mujoco>"""
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    assert '#   armature on branches: the rotors of these tendons couple all' in text
+    sim = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+    sim.step(1)
+    M = (0.1 + 2.0 * 0.3**2) * np.eye(2) + 0.3 * np.outer([1.0, -0.5], [1.0, -0.5])
+    wanted = 1e-3 * np.linalg.solve(M, [2.0 * 9.81 * 0.3] * 2)
+    found = [sim.sample().joints[name].velocity for name in ('a', 'b')]
+    assert found == pytest.approx(wanted, rel=1e-4)
+
+
 EQUALITY = """<equality><tendon name="tied" tendon1="belt" tendon2="other"
  polycoef="%s 0.5 0 0 0"/></equality>"""
 OTHER = '<fixed name="other"><joint joint="j2" coef="3"/></fixed>'
