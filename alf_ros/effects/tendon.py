@@ -5,6 +5,7 @@ pulley that shares the tension less, and 0 where there is no cord. The effort F 
 - f L̇ / √(L̇² + ε²) on L, with stops and drive, gives Q = F ∂L/∂q. A stop pushes back with k δ^1.5
 at a depth δ. The drive e(t) + k_p (L*(t) - L) + k_v (L̇* - L̇), L̇* the slope of L* unless given,
 stays between -limit and limit. Efforts that lengthen are positive. V = ∫ T + Σ k δ^2.5 / 2.5.
+The inertia of a rotor on joints is no force but mass: it joins the mechanism, as a motor has it.
 """
 
 from __future__ import annotations
@@ -116,13 +117,19 @@ class Parameters:
     limit: float | None = field(
         default=None, metadata=_number('N', 'largest effort of the drive; no limit if absent')
     )
+    armature: float | None = field(
+        default=None,
+        metadata=_number('kg', 'inertia a of a rotor that turns with L: ½ a L̇²')
+        | {'needs': ('joints',)},
+    )
 
     def __post_init__(self) -> None:
         contract.either(self, 'joints', 'path')
         if len(dict(self.joints or ())) < len(self.joints or ()):
             raise ValueError('a joint coordinate has one factor')
         gains = ('stiffness', 'damping', 'friction', 'stop_stiffness')
-        contract.not_negative(self, *gains, 'position_gain', 'velocity_gain', 'limit')
+        drive = ('position_gain', 'velocity_gain', 'limit', 'armature')
+        contract.not_negative(self, *gains, *drive)
         contract.positive(self, 'slip')
         if self.path is not None and len(self.path) < 2:
             raise ValueError('a path has two places at least')

@@ -64,7 +64,8 @@ def entries(
 
 
 def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[str, Any]]:
-    """An instance for the springs and losses of each tendon, and one for each actuator on it."""
+    """An instance for the springs, losses and rotor of each tendon, and one for each actuator on
+    it."""
     entries: dict[str, dict[str, Any]] = {}
     shapes: dict[str, tuple[dict[str, Any], float]] = {}
     for each in robot.tendons:
@@ -89,6 +90,7 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
             ends = _ends(each.limits, each.drawn)
             acting |= ends | {'stop_stiffness': stops} if ends else {}
             _leave_beyond(robot, each.name, each.drawn, each.limits)
+        acting |= {'armature': each.armature} if each.armature else {}
         if acting:
             entries[_label(each.name, entries)] = shape | acting
     for actuator in robot.actuators:
@@ -304,7 +306,7 @@ def leave(robot: Robot) -> None:
             if value:
                 robot.leave(f'{kind} (see --scene)', c.name)
     for tendon in robot.tendons:
-        if tendon.stiffness or tendon.damping or tendon.friction:
+        if tendon.stiffness or tendon.damping or tendon.friction or tendon.armature:
             robot.leave('tendons (see --scene)', tendon.name)
     for actuator in robot.actuators:
         robot.leave('actuators (see --scene)', actuator.name)

@@ -126,7 +126,9 @@ MOTION = {
     'tendons (see --scene)': 'they apply no force',
     'tendons': 'they apply no force',
     'higher orders of tendons': 'their springs and dampers are linear',
-    'armature of tendons': 'the inertia of their drives is not counted',
+    'armature of tendons': 'over places: the inertia of their drives is not counted',
+    'armature on branches': 'the rotors of these tendons couple all of their joints; MuJoCo '
+    'leaves out what couples joints that do not hang from each other',
     'motion of mocap bodies': 'they do not move',
     'motion of kinematic bodies': 'they do not move',
     'sleeping bodies': 'they move from the start, not when something touches them',

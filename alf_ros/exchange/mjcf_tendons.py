@@ -45,7 +45,7 @@ def add(
                 'higher orders of tendons',
                 (model.tendon_stiffnesspoly[n], model.tendon_dampingpoly[n]),
             ),
-            ('armature of tendons', model.tendon_armature[n]),
+            ('armature of tendons', () if shape.joints else model.tendon_armature[n]),
             (
                 'springs that yield',
                 model.tendon_stiffness[n] and mjcf_switches.yields(model, 'tendon', n),
@@ -53,6 +53,8 @@ def add(
         ):
             if np.any(value):
                 robot.leave(kind, name)
+        if shape.joints and model.tendon_armature[n] and not _is_in_one_chain(mujoco, model, n):
+            robot.leave('armature on branches', name)
         margin = float(model.tendon_margin[n])
         low, high = map(float, model.tendon_range[n])
         first, last = map(float, model.tendon_lengthspring[n])
@@ -64,6 +66,7 @@ def add(
                 damping=float(model.tendon_damping[n]),
                 friction=float(model.tendon_frictionloss[n]),
                 limits=(low + margin, high - margin) if model.tendon_limited[n] else None,
+                armature=float(model.tendon_armature[n]) if shape.joints else 0.0,
             )
         )
     return found
@@ -135,3 +138,14 @@ def _is_over_single(mujoco: Any, model: Any, n: int) -> bool:
     kinds = mujoco.mjtJoint
     joints = list(_over_joints(mujoco, model, n))
     return bool(np.isin(model.jnt_type[joints], (kinds.mjJNT_HINGE, kinds.mjJNT_SLIDE)).all())
+
+
+def _is_in_one_chain(mujoco: Any, model: Any, n: int) -> bool:
+    """Whether of all joints of a tendon each hangs from the one before. MuJoCo has no inertia that
+    couples others, and leaves these products out."""
+    dofs = sorted(int(model.jnt_dofadr[joint]) for joint in _over_joints(mujoco, model, n))
+    dof = dofs[-1]
+    above = {dof}
+    while (dof := int(model.dof_parentid[dof])) >= 0:
+        above.add(dof)
+    return above.issuperset(dofs)

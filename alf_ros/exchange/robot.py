@@ -149,7 +149,8 @@ class Tendon:
     path: parts with places (3,) as drawn, m; weights: from each place to the next. On the length
     act a spring of `stiffness` outside the interval `rest`, viscous `damping`, dry `friction`, and
     `limits`; as the source counts it, which has the sum over joints at `drawn`. m, N; of joints
-    per unit of the length.
+    per unit of the length. armature: inertia of a rotor that turns with a tendon
+    over joints.
     """
 
     name: str
@@ -162,6 +163,7 @@ class Tendon:
     damping: float = 0.0
     friction: float = 0.0
     limits: tuple[float, float] | None = None
+    armature: float = 0.0
 
 
 @dataclass(frozen=True)

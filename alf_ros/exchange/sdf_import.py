@@ -362,7 +362,8 @@ class _Reader:
             elif parent == child == GROUND:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
-                self.robot.connect(joints.connection(scope, each, parent, child), at=each)
+                for connection in joints.connections(scope, each, parent, child):
+                    self.robot.connect(connection, at=each)
         for scope, each in self.joints:
             if sdf_joints.is_gearbox(each) and not each.findtext('gearbox_reference_body'):
                 self.robot.leave('gearboxes', self._short(scope + self._name(each)))

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence, Set
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.exchange import sdf_gearboxes
-from alf_ros.exchange.robot import AXES, TYPES, AxisForces, Connection, Coupled, Robot
+from alf_ros.exchange.robot import (
+    AXES,
+    TYPES,
+    AxisForces,
+    Connection,
+    Coupled,
+    Robot,
+    RobotPart,
+    free_name,
+)
 from alf_ros.exchange.sdf_frames import MODEL, SdfFrames
 from alf_ros.exchange.sdf_values import name_of, number, numbers, says
 from alf_ros.exchange.sdf_versions import AXES as _TAGS
 from alf_ros.exchange.sdf_versions import OF_MODEL
 from alf_ros.scene.text.decimal_numbers import decimal
 
-_KINDS = TYPES | {'screw': 'screw'}  # which only SDF has, with its pitch
+SCREW = 'screw'  # which only SDF has, with its pitch
+_KINDS = TYPES | {SCREW: SCREW}
 _ENDLESS = 1e15  # a limit from there on is none: the default is 1e16
 _ENDS = (('lower', -1e16), ('upper', 1e16))
 _PITCH = 1.0  # m per turn, if a screw has none
@@ -28,6 +38,7 @@ _PERPENDICULAR = 1e-6  # cosine between two axes
 _SOFT_LIMIT = (('limit/stiffness', 1e8), ('limit/dissipation', 1.0))
 _SOFT_LIMIT_ODE = (('limit/cfm', 0.0), ('limit/erp', 0.2), ('bounce', 0.0))
 _SOFT_ODE = (('cfm', 0.0), ('suspension/cfm', 0.0))
+_LEADERS = ('revolute', 'prismatic', 'universal')  # whose coordinates others mimic
 _SCHEMES = ('implicit_spring_damper', 'cfm_damping')  # how steps compute the same forces
 
 
@@ -46,8 +57,42 @@ def is_known(element: ElementTree.Element) -> bool:
     return kind_of(element) in _KINDS
 
 
+def pitch_of(robot: Robot, element: ElementTree.Element, name: str) -> float:
+    """Of a screw, m per turn; `thread_pitch`, the older one, is -rad/m. Raises InputError."""
+    given = {tag for tag in _PITCHES if (element.findtext(tag) or '').strip()}
+    if not given:
+        robot.leave('pitch of screws: default of SDF', name)
+        return _PITCH
+    tag = next(each for each in _PITCHES if each in given)
+    value = number(element, tag, _PITCH, robot.error, name)
+    if value == 0.0:
+        raise robot.error(name, 'a thread without pitch', element)
+    return value if tag == 'screw_thread_pitch' else -2.0 * np.pi / value
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """An axis of a joint, by the scoped name of the joint and the tag of the axis."""
+
+    joint: str
+    tag: str
+
+
+@dataclass(frozen=True)
+class _Mimic:
+    """x = multiplier (other - reference) + offset, rad or m."""
+
+    other: _Axis
+    multiplier: float
+    reference: float
+    offset: float
+
+
 class SdfJoints:
     """Makes connections from the joints of an SDF.
+
+    A coupling cannot have one of the two angles of a universal joint. If a mimic has one, the
+    joint becomes a row of two revolutes of the same coordinates, through a part without mass.
 
     joints: all of the file, each after its scope. held: the scoped names of joints between fixed
     parts. short: names as the robot has them.
@@ -58,18 +103,46 @@ class SdfJoints:
         robot: Robot,
         frames: SdfFrames,
         joints: Sequence[tuple[str, ElementTree.Element]],
-        held: Container[str],
+        held: Set[str],
         short: Callable[[str], str],
     ) -> None:
         self._robot, self._frames, self._short = robot, frames, short
-        self._joints, self._held = joints, held
-        self._mimicked: dict[str, str] = {}  # by joint, the one that it mimics
+        self._held = held
+        self._kinds = {
+            scope + name_of(each, robot.error): _KINDS.get(kind_of(each), '')
+            for scope, each in joints
+        }
+        self._mimics: dict[_Axis, _Mimic] = {}
+        for scope, each in joints:
+            self._read_mimics(scope, each)
+        self._coordinates = self._of_rows()
 
-    def connection(
+    def connections(
         self, scope: str, element: ElementTree.Element, parent: str, child: str
-    ) -> Connection:
-        """A joint of a known type between two parts. Raises InputError."""
+    ) -> Iterator[Connection]:
+        """A joint of a known type between two parts, or the row in place of it, of which the part
+        between is added to the robot, as the couplings are. Raises InputError."""
         own = scope + name_of(element, self._robot.error)
+        whole = self._connection(own, scope, element, parent, child)
+        for tag in _TAGS:
+            self._couple(_Axis(own, tag))
+        names = [self._coordinates.get(_Axis(own, tag)) for tag in _TAGS]
+        if None in names or parent == child:
+            yield whole
+            return
+        taken = {part.name for part in self._robot.parts}
+        between = free_name(f'{whole.name}_link', taken)
+        still = np.zeros((3, 3))
+        self._robot.parts.append(RobotPart(between, whole.place, 0.0, whole.place, still))
+        forces = whole.of_axes or (AxisForces(), AxisForces())
+        sides = ((parent, between), (between, child))
+        for name, ends, axis, of in zip(names, sides, whole.axes, forces, strict=True):
+            assert name is not None
+            yield Connection(name, 'revolute', *ends, whole.place, (axis,), **vars(of))
+
+    def _connection(
+        self, own: str, scope: str, element: ElementTree.Element, parent: str, child: str
+    ) -> Connection:
         name, place = self._short(own), self._frames.pose(own).origin
         kind = _KINDS[kind_of(element)]
         tags = _TAGS[: AXES.get(kind, 1)]
@@ -81,19 +154,13 @@ class SdfJoints:
             return Connection(name, kind, parent, child, place)
         forces = [self._forces(element.find(tag), name) for tag in tags]
         if len(axes) == 2:
-            for axis in (axis for tag in tags if (axis := element.find(tag)) is not None):
-                if axis.find('mimic') is not None:
-                    self._robot.leave('mimic', name)
             of_axes = tuple(forces) if any(each != AxisForces() for each in forces) else ()
             return Connection(name, kind, parent, child, place, axes, of_axes=of_axes)
         (force,) = forces
-        if force.limits and kind == 'screw':  # of an angle, or of a length: simulators differ
+        if force.limits and kind == SCREW:  # of an angle, or of a length: simulators differ
             self._robot.leave('limits of screws', name)
             force = replace(force, limits=None)
-        mimic = element.find('axis/mimic')
-        if mimic is not None:
-            self._mimic(scope, name, mimic)
-        pitch = self._pitch(element, name) if kind == 'screw' else 0.0
+        pitch = pitch_of(self._robot, element, name) if kind == SCREW else 0.0
         return Connection(name, kind, parent, child, place, axes, pitch=pitch, **vars(force))
 
     def _forces(self, axis: ElementTree.Element | None, name: str) -> AxisForces:
@@ -186,43 +253,66 @@ class SdfJoints:
             raise self._robot.error(name, 'not a number', inner, value=text)
         return x if abs(x) < _ENDLESS else math.copysign(math.inf, x)
 
-    def _mimic(self, scope: str, name: str, element: ElementTree.Element) -> None:
-        """x = multiplier (other - reference) + offset, of a joint with one axis."""
-        error = self._robot.error
-        other = self._frames.find(element.get('joint', ''), scope, element)
-        driver: str | None = self._short(other)
-        while driver is not None:
-            if driver == name:
-                raise error(name, 'it mimics itself', element)
-            driver = self._mimicked.get(driver)
-        kinds = [kind_of(each) for at, each in self._joints if at + name_of(each, error) == other]
-        single = kinds[:1] in (['revolute'], ['continuous'], ['prismatic'])
-        if not single or element.get('axis', 'axis') != 'axis':
-            self._robot.leave('mimic', name)
+    def _read_mimics(self, scope: str, element: ElementTree.Element) -> None:
+        """The mimics of the axes of a joint; list what mimics a joint without such a coordinate.
+        Raises InputError."""
+        error, leave = self._robot.error, self._robot.leave
+        own = scope + name_of(element, error)
+        if own in self._held or not self._kinds[own]:
             return
-        factor, reference, offset = (
-            self._number(element, tag, default, name)
-            for tag, default in (('multiplier', 1.0), ('reference', 0.0), ('offset', 0.0))
-        )
-        if offset != factor * reference:
-            self._robot.leave('phase of mimic', name)
-        moves = factor != 0.0 and other not in self._held
-        of = {name: 1.0} | ({self._short(other): -factor} if moves else {})
-        self._mimicked[name] = self._short(other)
-        self._robot.couplings.append(Coupled(f'{name}_mimic', of))
+        name = self._short(own)
+        for tag in _TAGS[: AXES.get(self._kinds[own], 1)]:
+            mimic = element.find(f'{tag}/mimic')
+            if mimic is None:
+                continue
+            other = _Axis(
+                self._frames.find(mimic.get('joint', ''), scope, mimic), mimic.get('axis', 'axis')
+            )
+            driver: _Axis | None = other
+            while driver is not None:
+                if driver == _Axis(own, tag):
+                    raise error(name, 'it mimics itself', mimic)
+                driver = self._mimics[driver].other if driver in self._mimics else None
+            kind = self._kinds.get(other.joint, '')
+            if kind not in _LEADERS or other.tag not in _TAGS[: AXES[kind]]:
+                leave('mimic', name)
+                continue
+            numbers_of = (('multiplier', 1.0), ('reference', 0.0), ('offset', 0.0))
+            given = (self._number(mimic, key, default, name) for key, default in numbers_of)
+            self._mimics[_Axis(own, tag)] = _Mimic(other, *given)
 
-    def _pitch(self, element: ElementTree.Element, name: str) -> float:
-        """m per turn; `thread_pitch`, the older one, is -rad/m."""
-        given = {tag for tag in _PITCHES if (element.findtext(tag) or '').strip()}
-        if 'screw_thread_pitch' in given:
-            return self._number(element, 'screw_thread_pitch', _PITCH, name)
-        if not given:
-            self._robot.leave('pitch of screws: default of SDF', name)
-            return _PITCH
-        per_metre = self._number(element, 'thread_pitch', 1.0, name)
-        if per_metre == 0.0:
-            raise self._robot.error(name, 'a thread without pitch', element)
-        return -2.0 * np.pi / per_metre
+    def _of_rows(self) -> dict[_Axis, str]:
+        """The names of the coordinates of universal joints that couplings have."""
+        followed = {mimic.other for mimic in self._mimics.values() if mimic.multiplier}
+        coupled = {axis.joint for axis in (*self._mimics, *followed)} - self._held
+        taken = {self._short(joint) for joint in self._kinds}
+        found = {}
+        for joint in self._kinds:
+            if joint not in coupled or self._kinds[joint] != 'universal':
+                continue
+            for tag, end in zip(_TAGS, ('first', 'second'), strict=True):
+                own = self._short(joint)
+                usual = f'{own}_{end}'
+                name = free_name(usual, taken)
+                if name != usual:
+                    self._robot.leave('names, changed', f'{usual} of {own} is {name}')
+                taken.add(name)
+                found[_Axis(joint, tag)] = name
+        return found
+
+    def _couple(self, axis: _Axis) -> None:
+        """Add the coupling of an axis that mimics another one."""
+        if axis not in self._mimics:
+            return
+        mimic = self._mimics[axis]
+        name, other = (
+            self._coordinates.get(each, self._short(each.joint)) for each in (axis, mimic.other)
+        )
+        if mimic.offset != mimic.multiplier * mimic.reference:
+            self._robot.leave('phase of mimic', name)
+        moves = mimic.multiplier != 0.0 and mimic.other.joint not in self._held
+        of = {name: 1.0} | ({other: -mimic.multiplier} if moves else {})
+        self._robot.couplings.append(Coupled(f'{name}_mimic', of))
 
     def _axis(self, scope: str, element: ElementTree.Element, tag: str) -> Floats:
         """A unit direction in the world; along z, where <xyz> is absent."""

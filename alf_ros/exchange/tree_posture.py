@@ -116,7 +116,7 @@ class TreePosture:
                 self._slopes(end.link, pose.origin, poses)
                 for end, pose in zip(loop.ends, ends, strict=True)
             ]
-            found.append(loop_gaps.gap(loop.kind, ends, slopes, self.size))
+            found.append(loop_gaps.gap(loop.kind, ends, slopes, self.size, loop.pitch))
         values, rows = zip(*found, strict=True)
         return np.concatenate(values), np.concatenate(rows)
 

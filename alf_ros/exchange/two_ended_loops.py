@@ -28,11 +28,13 @@ class LoopEnd:
 @dataclass(frozen=True)
 class TwoEndedLoop:
     """A joint of a `kind` between two frames, of which z is its axis (`loop_gaps`). The first z is
-    the first axis of a `universal`, the second z its second axis."""
+    the first axis of a `universal`, the second z its second axis. pitch: of a screw, m per turn.
+    """
 
     name: str
     kind: str
     ends: tuple[LoopEnd, LoopEnd]
+    pitch: float = 0.0
 
 
 def rotation_to(z: Floats) -> Floats:
@@ -71,8 +73,9 @@ def add(reader: UrdfReader, loop: TwoEndedLoop) -> None:
         part, pose = reader.part(end.link, loop.name)
         parts.append(part)
         frames.append(pose @ end.frame)
-    axes = tuple(frame.turn[:, 2] for frame in frames)[: AXES[loop.kind]]
+    axes = tuple(frame.turn[:, 2] for frame in frames)[: AXES.get(loop.kind, 1)]
     slides = loop_gaps.slides(loop.kind)
     place = frames[1 if slides else 0].origin  # where something slides it belongs to the child
-    made = Connection(loop.name, loop.kind, parts[0], parts[1], place, axes)
+    first, second = parts
+    made = Connection(loop.name, loop.kind, first, second, place, axes, pitch=loop.pitch)
     reader.robot.connect(made, None if slides else frames[1].origin)

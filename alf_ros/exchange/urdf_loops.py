@@ -9,6 +9,7 @@ origin and an axis on each side.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,6 +19,7 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange import two_ended_loops, urdf_gazebo
 from alf_ros.exchange.robot import AXES, STILL, TYPES, FramePose
 from alf_ros.exchange.sdf_frames import MODEL, pose_of
+from alf_ros.exchange.sdf_joints import SCREW, pitch_of
 from alf_ros.exchange.sdf_values import says
 from alf_ros.exchange.sdf_versions import OF_MODEL
 from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
@@ -25,14 +27,14 @@ from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.text.decimal_numbers import decimal
 
 _NONE = (0.0, 0.0, 0.0)
-_NOT_HERE = ('screw', 'gearbox')  # types of SDF that close no loops
+_NOT_HERE = 'gearbox'  # a type of SDF that closes no loop
 
 
 def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
     """The loops of a URDF, which may be open as drawn. Raises InputError."""
     zero = reader.poses_at({})
     for element in _gazebo_joints(reader):
-        if element.get('type') not in _NOT_HERE:
+        if element.get('type') != _NOT_HERE:
             yield _gazebo(reader, element, zero)
     for element in reader.xml.findall('constraint'):
         yield _constraint(reader, element, zero)
@@ -42,7 +44,7 @@ def leave(reader: UrdfReader) -> None:
     """Note the extensions of Gazebo that are no loops, and what loops do not have here."""
     urdf_gazebo.leave(reader.robot, reader.xml, reader.links, reader.sprung)
     for element in _gazebo_joints(reader):
-        if (kind := element.get('type')) in _NOT_HERE:
+        if (kind := element.get('type')) == _NOT_HERE:
             name = element.get('name', 'gazebo_joint')
             reader.robot.leave('joints of unknown type', f'{name} ({kind})')
             continue
@@ -65,7 +67,7 @@ def _gazebo(
     reader: UrdfReader, element: ElementTree.Element, zero: dict[str, FramePose]
 ) -> TwoEndedLoop:
     name = element.get('name', 'gazebo_joint')
-    kind = _kind(reader, name, element)
+    kind = SCREW if element.get('type') == SCREW else _kind(reader, name, element)
     sides = [(element.findtext(side) or '').strip() for side in ('parent', 'child')]
     for side in sides:
         reader.part(side, name, element)
@@ -73,7 +75,7 @@ def _gazebo(
     _only(reader, name, pose, 'relative_to', (sides[1],))
     frame = zero.get(sides[1], STILL) @ pose_of(pose, reader.error, name)
     axes = []
-    for tag in ('axis', 'axis2')[: AXES[kind]]:
+    for tag in ('axis', 'axis2')[: AXES.get(kind, 1)]:
         axis = element.find(tag)
         xyz = None if axis is None else axis.find('xyz')
         if axis is None or xyz is None:
@@ -82,7 +84,9 @@ def _gazebo(
         u = reader.unit(name, _floats(reader, name, xyz, xyz.text, (0.0, 0.0, 1.0)), xyz)
         of_model = says(axis, OF_MODEL, reader.error, name) or xyz.get('expressed_in') == MODEL
         axes.append(u if of_model else frame.turn @ u)
-    return two_ended_loops.drawn(name, kind, sides, frame.origin, axes, zero, reader.file)
+    made = two_ended_loops.drawn(name, kind, sides, frame.origin, axes, zero, reader.file)
+    pitch = pitch_of(reader.robot, element, name) if kind == SCREW else 0.0
+    return replace(made, pitch=pitch)
 
 
 def _constraint(

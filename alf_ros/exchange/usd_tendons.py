@@ -72,8 +72,6 @@ def _tendon(
     first, last = (float(x) for x in (np.resize(rest, 2) if rest.size else (-1.0, -1.0)))
     if first == last == -1.0:  # the length where the springs of its joints rest
         first = last = sum(factor * joints[joint].rest for joint, factor in of.items())
-    if stage.number(prim, 'mjc:armature'):
-        robot.leave('armature of tendons', prim.GetName())
     return Tendon(
         prim.GetName(),
         of,
@@ -83,4 +81,5 @@ def _tendon(
         damping=scene.kept('damping', stage.number(prim, 'mjc:damping')),
         friction=scene.kept('dry friction', stage.number(prim, 'mjc:frictionloss')),
         limits=(low, high) if has_range and scene.kept('limits', 1.0) else None,
+        armature=stage.number(prim, 'mjc:armature'),
     )

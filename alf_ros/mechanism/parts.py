@@ -175,11 +175,11 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True)
 class Rotor:
-    """A rotor geared to the joint coordinate `of`; its inertia as seen from there: kg m^2, or
-    kg."""
+    """A rotor geared to joint coordinates `of` (name, factor): its rate is the sum of theirs, each
+    times its factor. Its inertia as seen from there: kg m^2, or kg."""
 
     name: str
-    of: str
+    of: tuple[tuple[str, float], ...]
     inertia: float
 
 
@@ -281,7 +281,7 @@ class Mechanism:
             )
             for j in self.joints
         ]
-        rotors = [(rotor.name, rotor.of) for rotor in self.rotors]
+        rotors = [(each.name, tuple(name for name, _ in each.of)) for each in self.rotors]
         couplings = [(each.name, tuple(name for name, _ in each.of)) for each in self.couplings]
         return self.dimension, items, bodies, joints, self.drives, rotors, couplings
 

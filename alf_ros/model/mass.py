@@ -63,8 +63,7 @@ def mass_of(layout: Layout) -> Mass:
     bound = [each for body in bodies for each in body.bound]
     np.add.at(values, sums.place, np.array(bound).reshape(-1, 2))
     for rotor in layout.mechanism.rotors:
-        unit = unit_of(layout.mechanism.coordinate[rotor.of], layout)
-        total[layout.of_auxiliary[rotor.name]] = rotor.inertia / unit**2
+        total[layout.of_auxiliary[rotor.name]] = rotor.inertia / unit_of(rotor, layout) ** 2
     kept = sums.kept(values)
     values = values[kept]
     turns = np.full(len(values), layout.dimension == 2) if row_form().whole else values[:, 1]

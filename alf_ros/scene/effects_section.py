@@ -124,15 +124,19 @@ def _module(key: str, entry: Entry, references: References) -> tuple[str, Module
 
 
 def with_rotors(mechanism: Mechanism, effects: Sequence[Effect]) -> Mechanism:
-    """The mechanism with the rotors of those effects that have an `armature`.
+    """The mechanism with the rotors of those effects that have an `armature`, on a `joint` or on
+    the sum of several `joints`.
 
-    Raises InputError where none can be geared to the joint.
+    Raises InputError where none can be geared to a joint.
     """
     rotors = []
     for effect in effects:
         inertia = getattr(effect.parameters, 'armature', None)
         if inertia:  # of none, nothing: not even in the last digit
-            rotors.append(Rotor(f'{effect.label}.rotor', effect.parameters.joint, inertia))
+            several = getattr(effect.parameters, 'joints', None)
+            of = several or ((effect.parameters.joint, 1.0),)
+            moving = tuple((name, factor) for name, factor in of if factor)
+            rotors.append(Rotor(f'{effect.label}.rotor', moving, inertia))
     if not rotors:
         return mechanism
     whole = dataclasses.replace(mechanism, rotors=tuple(rotors))

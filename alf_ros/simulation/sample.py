@@ -231,8 +231,9 @@ class Sample(Dynamics):
             for name, factor in coupling.of:
                 efforts[place(name)] -= factor * pull
         for rotor in mechanism.rotors:
-            unit = rotors.unit_of(mechanism.coordinate[rotor.of], model.layout)
-            efforts[place(rotor.of)] -= unit * self.multipliers[rotor.name]
+            pull = self.multipliers[rotor.name] * rotors.unit_of(rotor, model.layout)
+            for name, factor in rotor.of:
+                efforts[place(name)] -= factor * pull
         return read_only(efforts)
 
     @kept

@@ -366,15 +366,15 @@ def test_the_axis_of_a_fixed_joint_is_not_read(axis: str, tmp_path: Path) -> Non
     assert 'bodies:' in imported(saved(tmp_path, 'it.urdf', source))
 
 
-def test_a_screw_of_gazebo_in_a_urdf_is_listed(tmp_path: Path) -> None:
-    """The PR2 has one, and was refused; a misspelt type still is."""
-    screw = """<gazebo><joint name="lead" type="screw"><parent>upper</parent>
+def test_a_gearbox_of_gazebo_in_a_urdf_is_listed(tmp_path: Path) -> None:
+    """A misspelt type is refused."""
+    gears = """<gazebo><joint name="lead" type="gearbox"><parent>upper</parent>
  <child>lower</child><axis><xyz>0 0 1</xyz></axis></joint></gazebo></robot>"""
-    source = robots.double_pendulum().replace('</robot>', screw)
+    source = robots.double_pendulum().replace('</robot>', gears)
     text = imported(saved(tmp_path, 'it.urdf', source))
-    assert '#   joints of unknown type: they are omitted: lead (screw)\n' in text
-    with pytest.raises(InputError, match=r"lead: unknown type of joint, got 'scrow'"):
-        imported(saved(tmp_path, 'it.urdf', source.replace('"screw"', '"scrow"')))
+    assert '#   joints of unknown type: they are omitted: lead (gearbox)\n' in text
+    with pytest.raises(InputError, match=r"lead: unknown type of joint, got 'gearbix'"):
+        imported(saved(tmp_path, 'it.urdf', source.replace('"gearbox"', '"gearbix"')))
 
 
 def test_sensors_and_pairs_of_meshes_that_are_not_there(tmp_path: Path) -> None:

@@ -137,6 +137,50 @@ def test_the_motion_like_mujoco(tmp_path: Path) -> None:
     assert np.ptp(wanted, axis=0).min() > 0.02 and not low < min(reached) < max(reached) < high
 
 
+ROTOR = """<fixed name="drum" armature="0.3"><joint joint="j1" coef="0.5"/>
+ <joint joint="j2" coef="-0.7"/><joint joint="j3" coef="3"/></fixed>"""
+
+
+def test_armature_like_mujoco(tmp_path: Path) -> None:
+    """The inertia a (∂L/∂q)(∂L/∂q)ᵀ of a tendon over joints, and of an actuator on one."""
+    pull = '<actuator><motor name="pull" tendon="belt" gear="3" armature="0.02"/></actuator>'
+    source = robot(BELT % '' + ROTOR, pull)
+    model, data, text = started(tmp_path, source)
+    assert 'armature of tendons' not in text
+    assert model.tendon_armature.tolist() == [0.0, 0.3]
+
+    def rate(_: float, y: Floats) -> Floats:
+        data.qpos[:], data.qvel[:] = np.split(y, 2)
+        mujoco.mj_forward(model, data)
+        return np.concatenate([data.qvel, data.qacc])
+
+    start = np.concatenate([data.qpos, np.zeros(3)])
+    wanted = solve_ivp(rate, (0.0, DURATION), start, 'DOP853', rtol=1e-10, atol=1e-12).y[:, -1]
+    sim = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+    sim.step(round(DURATION / 1e-3))
+    sample = sim.sample()
+    joints = [sample.joints[name] for name in JOINTS]
+    found = [each.position for each in joints], [each.velocity for each in joints]
+    assert np.ravel(found) == pytest.approx(wanted - [*start[:3], 0.0, 0.0, 0.0], abs=1e-8)
+
+
+def test_armature_on_branches_is_listed(tmp_path: Path) -> None:
+    """MuJoCo has no inertia there that couples the joints; here the rotor has all of it."""
+    arm = """<body pos="0 {0} 0"><joint name="{1}" axis="0 1 0"/>
+ <inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.1 0.1"/></body>"""
+    source = f"""<mujoco><worldbody>{arm.format(0, 'a')}{arm.format(1, 'b')}</worldbody><tendon>
+ <fixed name="t" armature="0.3"><joint joint="a" coef="1"/><joint joint="b" coef="-0.5"/></fixed>
+ </tendon></mujoco>"""
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True)
+    assert '#   armature on branches: the rotors of these tendons couple all' in text
+    sim = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+    sim.step(1)
+    M = (0.1 + 2.0 * 0.3**2) * np.eye(2) + 0.3 * np.outer([1.0, -0.5], [1.0, -0.5])
+    wanted = 1e-3 * np.linalg.solve(M, [2.0 * 9.81 * 0.3] * 2)
+    found = [sim.sample().joints[name].velocity for name in ('a', 'b')]
+    assert found == pytest.approx(wanted, rel=1e-4)
+
+
 EQUALITY = """<equality><tendon name="tied" tendon1="belt" tendon2="other"
  polycoef="%s 0.5 0 0 0"/></equality>"""
 OTHER = '<fixed name="other"><joint joint="j2" coef="3"/></fixed>'
@@ -160,7 +204,7 @@ WRAPPED = """<spatial name="round" stiffness="9"><site site="w"/><geom geom="pos
 
 def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
     source = robot(
-        BELT % 'armature="0.1" range="-1 1"' + WRAPPED,
+        BELT % 'range="-1 1"' + CORD.replace('damping', 'armature="0.1" damping') + WRAPPED,
         '<actuator><motor name="pull" tendon="round"/></actuator>',
         EQUALITY.replace('other', 'round') % '0',
     )
@@ -171,11 +215,11 @@ def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
         'ignored: tied',
         'actuators: they apply no force: pull',
         'tendons: they apply no force: round wraps around a geom',
-        'armature of tendons: the inertia of their drives is not counted: belt',
+        'armature of tendons: over places: the inertia of their drives is not counted: cord',
     ):
         assert f'#   {line}\n' in text
     bare = imported(str(tmp_path / 'it.xml'), key='bent')
-    assert '#   tendons (see --scene): they apply no force: belt\n' in bare
+    assert '#   tendons (see --scene): they apply no force: belt, cord\n' in bare
 
 
 def test_a_tendon_over_a_ball_is_listed(tmp_path: Path) -> None:

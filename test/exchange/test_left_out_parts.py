@@ -276,7 +276,7 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{UNKNOWN}: inertial of arm'),
         ('a.sdf', sdf('ball', f'<axis>{TWO}</axis>'), JOINTS),
         ('a.sdf', sdf('ball', '<axis><dynamics><damping>1</damping></dynamics></axis>'), JOINTS),
-        ('a.sdf', universal('', '<mimic joint="j"><multiplier>1</multiplier></mimic>'),
+        ('a.sdf', universal('', '<mimic joint="j" axis="z"><multiplier>1</multiplier></mimic>'),
          'mimic: these joints are free: j'),
         ('a.sdf', sdf('ball', '', '<plugin name="p" filename="f"/>'), 'plugins'),
         ('a.sdf', sdf('ball', '').replace('<inertial>', '<inertial auto="true">'),

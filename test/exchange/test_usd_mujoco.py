@@ -105,9 +105,11 @@ CORD = prim(
     'rel mjc:path = [</j1>, </j2>]',
     'uniform double[] mjc:path:coef = [1, -0.5]',
     'uniform double mjc:stiffness = 9\nuniform double mjc:damping = 0.5',
+    'uniform double mjc:armature = 0.3',
     'uniform double[] mjc:springlength = [0.25, 0.25]',
 )
-CORD_XML = """<tendon><fixed name="cord" stiffness="9" damping="0.5" springlength="0.25">
+CORD_XML = """<tendon><fixed name="cord" stiffness="9" damping="0.5" springlength="0.25"
+ armature="0.3">
 <joint joint="j1" coef="1"/><joint joint="j2" coef="-0.5"/></fixed></tendon>"""
 
 # attributes of the first joint, more prims, of the scene; the same for MuJoCo

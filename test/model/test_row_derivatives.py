@@ -136,11 +136,10 @@ def _driven(mechanism: Mechanism) -> Mechanism:
     drives = [Drive(f'{x.name}_drive', kinds[x.is_angle], (x.name,), (TIME,)) for x in found]
     drives.append(Drive('there', 'point', (first,), axes))
     drives.append(Drive('apart', 'distance', (first, last), (TIME,)))
-    return replace(
-        mechanism,
-        drives=tuple(drives),
-        rotors=tuple(Rotor(f'{x}.rotor', x, 0.1) for x in alone),
-    )
+    rotors = [Rotor(f'{x}.rotor', ((x, 1.0),), 0.1) for x in alone]
+    if alone:
+        rotors.append(Rotor('all.rotor', tuple((x, -0.7) for x in alone), 0.1))
+    return replace(mechanism, drives=tuple(drives), rotors=tuple(rotors))
 
 
 def _with_couplings(mechanism: Mechanism) -> Mechanism:
