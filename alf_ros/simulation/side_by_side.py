@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 import math
-import operator
 import time
 from collections.abc import Callable, Container, Sequence
 from contextlib import ExitStack
@@ -109,16 +108,16 @@ class _Group:
         return crew
 
     def _key(self, crew: LaneCrew, problems: Sequence[Problem]) -> object:
-        """Equal for groups whose members may change places: of one pattern, with the same functions
-        on numbers in the same places."""
+        """Equal for groups whose members may change places: of one pattern, with the same
+        functions of numbers in the same places."""
         forces = [each.forces for each in problems]
         first, search = forces[0].effects, forces[0].kinks.search
         for each in forces:
             alike = are_alike(first, each.effects) and np.array_equal(search, each.kinks.search)
             if not alike:
                 return object()
-        arrays = (first.force, first.side, first.slots, first.slots_at, first.params_at, search)
-        arrays = (*arrays, crew.sizes, crew.lane_force, crew.lane_drives, crew.steady)
+        effects = first.force, first.side, first.slots, first.slots_at, first.params_at
+        arrays = (*effects, search, crew.sizes, crew.lane_force, crew.lane_drives, crew.steady)
         return self._pattern, tuple(each.tobytes() for each in arrays)
 
     def bind(self) -> None:

@@ -104,6 +104,20 @@ def test_parameters_that_other_sections_name(monkeypatch: pytest.MonkeyPatch) ->
         assert found == told(scene, each), each
 
 
+def test_effects_whose_entries_stand_again_are_not_read_again() -> None:
+    arms = [{'joint': 'crank_pin', 'viscous': 0.1}, {'joint': 'guide', 'viscous': 0.2}]
+    effects = {'gravity': {'acceleration': [0, -9.81]}, 'joint_friction': arms}
+    scene = load_scene({'mechanism': 'slider_crank', 'effects': effects})
+    change = {'joint_friction.1.viscous': '0.3'}
+    with_changes(scene, change)  # the first one is read as a whole
+    first, second = (with_changes(scene, change) for _ in range(2))
+    assert [a is b for a, b in zip(first.effects, second.effects, strict=True)] == [1, 1, 0]
+    assert [each.parameters.viscous for each in second.effects[1:]] == [0.1, 0.3]
+    # a mass may be what an effect needs: then all are read again
+    both = with_changes(scene, {**change, 'coupler.mass': '2'})
+    assert both.effects == second.effects and both.effects[0] is not second.effects[0]
+
+
 def test_a_document_decides_and_not_the_scene_that_has_it() -> None:
     scene = load_scene('slider_crank')
     rest = scene.at_rest()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import copy
+import operator
 from typing import Any
 
 import pytest
 
 from alf_ros import Ensemble, Simulation, StepError, load_scene
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.plain import PLAIN
+from alf_ros.scene.overrides import with_changes
 from alf_ros.simulation.side_by_side import SideBySide
 from support.side_by_side_members import check, member
 from support.singular_starts import scene
@@ -134,6 +137,40 @@ def test_stops_that_some_meet(integrator):
         each.step(25)
     check(made, alone)
     assert 0 < side.apart < 80
+
+
+def test_members_that_wait_take_the_lanes_of_those_that_are_done():
+    """Members that turn back beside a singular position take twice as many steps as others. Some
+    have a damper: they change places among themselves alone."""
+    free = load_scene('slider_crank')
+    damped = with_changes(free, {'effects.damper': '{between: [A, B], damping: 0.1}'})
+    made = [
+        adaptive(scene, {'coupler.length': '{1.12-k/100}'}, k, step=2e-2, penalty=3e9)
+        for scene in (free, damped)
+        for k in range(2 * width() + 3)
+    ]
+    alone = [copy.copy(each) for each in made]
+    together, apart = SideBySide(made), 0
+    for n, without in ((30, ()), (1, (0, 5)), (25, (2,)), (4, ())):
+        assert together.step(n, without) == {}
+        apart += together.apart
+        for k, each in enumerate(alone):
+            if k not in without:
+                each.step(n)
+        check(made, alone)
+    lanes = [group.crew.member.tolist() for group in together._groups]
+    given = [[*range(n, n + width())] for n in range(0, len(made), width())]
+    moved = [now != before for now, before in zip(lanes[:-1], given, strict=False)]
+    mixed = [len({k < len(made) // 2 for k in each}) > 1 for each in lanes[:-1]]
+    assert any(moved) and any(mixed) and not any(map(operator.and_, moved, mixed))
+    # stages whose solves are slow with the factor of a guess are alone, not their steps
+    assert apart < 5
+    made[0].restore(alone[1].state)
+    alone[0].restore(alone[1].state)
+    together.step(3)
+    for each in alone:
+        each.step(3)
+    check(made, alone)
 
 
 def test_many_steps_between_two_points_of_the_grid():

@@ -69,8 +69,7 @@ def advance_lanes_adaptively(
             struct_at(crew, groups.crew[g]),
             of,
             of_phase,
-            groups,
-            g,
+            (groups, g),
             h,
         )
         if not done:
@@ -86,12 +85,12 @@ def _advance(
     crew: LaneCrew,
     of: Problem,
     of_phase: Phase,
-    groups: LaneGroups,
-    g: np.uint64,
+    among: tuple[LaneGroups, np.uint64],
     h: float,
 ) -> bool:
-    """The same of group g; returns whether it was not stopped. Variables have the names of
-    `advance_adaptively`."""
+    """The same of one group `among` all, its number behind them; returns whether it was not
+    stopped. Variables have the names of `advance_adaptively`."""
+    groups, g = among
     unit, method, work = problem.unit, problem.method, problem.work
     members, share, stages = np.uint64(crew.problem.size), SHARE * method.tolerance, method.b.size
     waiting, places = (g + ONE) * members, np.uint64(groups.crew.size) * members
@@ -192,7 +191,7 @@ def _advance(
                     waiting = next_waiting(progress, crew, groups, waiting)
                     if waiting < places:
                         take_waiting(
-                            problem, phase, progress, crew, of, of_phase, groups, m, waiting
+                            problem, phase, progress, crew, of, of_phase, groups, (m, waiting)
                         )
                         struct_at(of, crew.problem[m]).work.crossing[ONE] = 0.0
                         fresh = False

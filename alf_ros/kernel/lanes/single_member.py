@@ -245,9 +245,9 @@ def _prescribe(problem: Problem, t: float) -> None:
 def evaluated_alone(
     problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress, slow: Any
 ) -> Any:
-    """Evaluate a stage of the lanes where `slow` holds exactly, as the kernel of a single mechanism
-    does where its accelerations were slow with the factor of a guess; the rest as of `stage`.
-    Returns where that shows no singular position."""
+    """Evaluate a stage of the lanes where `slow` holds exactly: the kernel of a single mechanism
+    does so where its accelerations were slow with the factor of a guess. Returns where that shows
+    no singular position."""
     progress.alone[0] = pick(slow, 1.0, 0.0)
     work, system = problem.work, problem.system
     n, whole = np.uint64(work.p.size), np.uint64(work.q.size)

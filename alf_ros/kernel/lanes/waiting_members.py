@@ -46,11 +46,11 @@ def take_waiting(
     of: Problem,
     of_phase: Phase,
     groups: LaneGroups,
-    m: np.uint64,
-    place: np.uint64,
+    change: tuple[np.uint64, np.uint64],
 ) -> None:
-    """Let the member at `place` and the one in lane m of this group, which is done, change places;
-    take the state of the first."""
+    """Let the member in a lane of this group, which is done, and the one at a place change places;
+    take the state of the second. change: this lane and this place."""
+    m, place = change
     struct_at(of_phase, crew.phase[m]).step[0] = np.int64(lane(progress.index, ZERO, m))
     W = np.uint64(crew.problem.size)
     g, k = place // W, place % W

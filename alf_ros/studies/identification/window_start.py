@@ -176,7 +176,7 @@ class StartChart:
         J = rows.jacobian(q)
         still = J[:, n:] @ rates[n:]
         turned = np.vstack([J[:, :n], self._going])
-        inverse = np.linalg.pinv(turned)
+        inverse = np.asarray(np.linalg.pinv(turned), dtype=float)
         qd = rates
         qd[:n] = inverse @ np.concatenate([-still, nu])
         return WindowStart(q, qd, *self._derivatives(rows, q, qd, slopes, A, J, inverse))

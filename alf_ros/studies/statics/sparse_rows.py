@@ -49,8 +49,8 @@ class Blocks(NamedTuple):
         row = (self.i.astype(np.int64) * a)[:, None, None] + np.arange(a)[None, :, None]
         column = (self.j.astype(np.int64) * b)[:, None, None] + np.arange(b)[None, None, :]
         at = (row * columns + column).ravel()
-        found: Floats = np.bincount(at, self.values.ravel(), rows * columns)
-        return found.reshape(self.shape)
+        found = np.bincount(at, self.values.ravel(), rows * columns)
+        return np.asarray(found, dtype=float).reshape(self.shape)
 
 
 def mass_matrix(model: Model) -> Sparse:
