@@ -147,8 +147,8 @@ class LanesOfMembers:
             inner.take()
 
     def columns(self, without: str = '') -> list[Array]:
-        """Its arrays (groups, numbers, lanes) of numbers of members, and those of structs in it
-        but one."""
+        """Its arrays (groups, numbers, lanes) of numbers of members, and the arrays of structs in
+        it but one."""
         found = [array for array, _ in self._copied]
         for inner in self._inner:
             if inner is not vars(self).get(without):

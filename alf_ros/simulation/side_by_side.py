@@ -38,9 +38,9 @@ _PARTS = 'problem', 'phase', 'progress', 'crew'  # of `LaneGroups`
 
 
 class _Members:
-    """What is known of the members of all groups, by their numbers: the simulations, the forces
-    that the crews have, steps that the simulations do not count yet, and steps at the begin of a
-    call. `kinds`: numbers of the kinds of groups."""
+    """The members of all groups, by their numbers: the simulations, the forces that crews have,
+    steps that the simulations do not count yet, and steps at the begin of a call. `kinds`: numbers
+    of the kinds of groups."""
 
     def __init__(self, simulations: Sequence[Simulation]) -> None:
         count = len(simulations)
@@ -52,7 +52,7 @@ class _Members:
 
 class _Group:
     """As many members as a register has lanes, of one pattern. Lanes without a member hold a copy
-    of the first, which has no steps to take. Members change places with those of other groups."""
+    of the first, which has no steps to take. Groups exchange members."""
 
     def __init__(self, of: _Members, numbers: Sequence[int], lanes: int) -> None:
         self._of = of

@@ -60,7 +60,7 @@ def advance_lanes_adaptively(
     h: float,
 ) -> int:
     """`advance_lanes`, each h in as many steps as the tolerance of the method takes. Members may
-    change places with those of later groups of one kind."""
+    change places with members of later groups of one kind."""
     for g in range(ZERO, np.uint64(groups.crew.size)):
         done = _advance(
             struct_at(problem, groups.problem[g]),

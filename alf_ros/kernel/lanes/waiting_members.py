@@ -1,4 +1,4 @@
-"""Members of later groups take the lanes of those that are done.
+"""Members of later groups take the lanes of members that are done.
 
 With an adaptive method some members take many more steps than others. A lane whose member is done
 would be idle until the last one of its group is. So this member changes places with one that
@@ -23,8 +23,8 @@ def next_waiting(
     progress: LaneProgress, crew: LaneCrew, groups: LaneGroups, place: np.uint64
 ) -> np.uint64:
     """The first place, from this one on, of a member that waits; a place is the number of a group,
-    times W, plus a lane. Behind all places if no member does. `progress`, `crew`: of the group for
-    which it is asked."""
+    times W, plus a lane. Behind all places if no member does. `progress`, `crew`: of the group
+    that asks."""
     W = np.uint64(crew.problem.size)
     end = np.uint64(groups.crew.size) * W
     while place < end:

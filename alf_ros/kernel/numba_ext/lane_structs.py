@@ -88,7 +88,7 @@ class LaneStruct:
         self._address = self._table.ctypes.data
 
     def columns(self, without: str = '') -> list[Floats]:
-        """Its arrays (numbers, W), and those of structs in it but one; each once."""
+        """Its arrays (numbers, W), and the arrays of structs in it but one; each once."""
         found = []
         for name, _, part in self._numba_type_.parts:
             value = getattr(self, name)
