@@ -39,15 +39,13 @@ _PARTS = 'problem', 'phase', 'progress', 'crew'  # of `LaneGroups`
 
 class _Members:
     """The members of all groups, by their numbers: the simulations, the forces that crews have,
-    steps that the simulations do not count yet, and steps at the begin of a call. `kinds`: numbers
-    of the kinds of groups."""
+    steps that the simulations do not count yet, and steps at the begin of a call."""
 
     def __init__(self, simulations: Sequence[Simulation]) -> None:
         count = len(simulations)
         self.simulations = simulations
         self.effects: list[Effects | None] = [None] * count
         self.taken, self.begun = np.zeros(count), np.zeros(count)
-        self.kinds: dict[object, int] = {}
 
 
 class _Group:
@@ -100,16 +98,18 @@ class _Group:
             [each.system.prescribed for each in problems],
             len(problems[0].unit),
             self._is_adaptive,
-            self.problem.columns(without='work'),
+            self.problem.columns(without='work') if self._is_adaptive else [],
             self._numbers.tolist(),
         )
         self._numbers = crew.member
-        self._kind = self._key(crew, problems)
+        self._likeness = self._alike(crew, problems)
         return crew
 
-    def _key(self, crew: LaneCrew, problems: Sequence[Problem]) -> object:
+    def _alike(self, crew: LaneCrew, problems: Sequence[Problem]) -> object:
         """Equal for groups whose members may change places: of one pattern, with the same
-        functions of numbers in the same places."""
+        functions of numbers in the same places. With fixed steps none change."""
+        if not self._is_adaptive:
+            return object()
         forces = [each.forces for each in problems]
         first, search = forces[0].effects, forces[0].kinks.search
         for each in forces:
@@ -130,23 +130,25 @@ class _Group:
             self.crew.phase[:] = _addresses(self.of_phase)
         else:
             self.crew = self._crew(self.of, self.of_phase)
-        dated = any(each.forces.kinks.instants.size for each in self.of)
-        self.crew.dated[0] = dated
-        kinds = self._of.kinds
-        self.crew.kind[0] = kinds.setdefault((self._kind, dated), len(kinds))
+        self.crew.dated[0] = any(each.forces.kinks.instants.size for each in self.of)
         self._index[:] = [each.step_index for each in self._lanes()]
+
+    @property
+    def kind(self) -> object:
+        """Equal for groups whose members may change places."""
+        return self._likeness, int(self.crew.dated[0])
 
     def begin(self, n: int, moving: NDArray[np.bool_]) -> None:
         """Set the targets of the moving members n steps ahead."""
         crew = self.crew
         crew.apart[:] = crew.result[:] = 0
-        own = crew.member >= 0
-        numbers = crew.member[own]
+        own = self._numbers >= 0
+        numbers = self._numbers[own]
         self._most[:], self._of.begun[numbers] = 0.0, self._index[own]
         self._target[:] = self._index
         self._target[own] += n * moving[numbers]
         if (self._target > self._index)[self._index == 0].any():
-            for m, k in enumerate(crew.member.tolist()):
+            for m, k in enumerate(self._numbers.tolist()):
                 if k >= 0 and self._index[m] == 0 and self._target[m] > 0:
                     self._start(m, self._of.simulations[k])
 
@@ -162,15 +164,15 @@ class _Group:
 
     def end(self) -> None:
         """Count the steps since `begin`."""
-        own = self.crew.member >= 0
-        numbers = self.crew.member[own]
+        own = self._numbers >= 0
+        numbers = self._numbers[own]
         taken = self._index[own] - self._of.begun[numbers] - self.crew.apart[own]
         self._of.taken[numbers] += taken
 
     @property
     def apart(self) -> int:
         """How many steps members took alone."""
-        return int(self.crew.apart[self.crew.member >= 0].sum())
+        return int(self.crew.apart[self._numbers >= 0].sum())
 
     def failures(self) -> dict[int, AlfError]:
         """By member. Raises what stopped one."""
@@ -178,7 +180,7 @@ class _Group:
             return {}
         self.settle()
         failed: dict[int, AlfError] = {}
-        for k, result in zip(self.crew.member.tolist(), self.crew.result.tolist(), strict=True):
+        for k, result in zip(self._numbers.tolist(), self.crew.result.tolist(), strict=True):
             status = Status(result)
             if k >= 0 and status != Status.OK:
                 run = self._of.simulations[k]._run
@@ -187,7 +189,7 @@ class _Group:
 
     def settle(self, cost: float = math.nan) -> None:
         """Let the members count the steps since the last time; `cost` (s) of a step."""
-        for m, k in enumerate(self.crew.member.tolist()):
+        for m, k in enumerate(self._numbers.tolist()):
             if k < 0:
                 continue
             each, taken = self._of.simulations[k], int(self._of.taken[k])
@@ -259,8 +261,10 @@ class SideBySide:
         """Take the simulations as they are now, for calls of `advance` between which nobody else
         uses them."""
         self._where: dict[int, tuple[list[_Group], LaneGroups]] = {}
+        kinds: dict[object, int] = {}
         for group in self._groups:
             group.bind()
+            group.crew.kind[0] = kinds.setdefault(group.kind, len(kinds))
             D = len(group.of[0].unit)
             self._where.setdefault(D, ([], LaneGroups.empty()))[0].append(group)
         for D, (groups, _) in self._where.items():

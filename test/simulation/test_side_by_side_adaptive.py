@@ -30,6 +30,7 @@ LIBRARY: dict[str, tuple[dict[str, Any], float, int]] = {
     'wiper': ({DOWN: '{-9-k/8}'}, 2e-2, 25),
     'delta_robot': ({BELOW: '{-9-k/8}'}, 5e-2, 15),
     'delta_robot_controlled': ({BELOW: '{-9-k/8}'}, 2e-2, 15),
+    'bricard': ({BELOW: '{-9-k/8}'}, 5e-2, 20),  # rounding of dependent rows is no slow mode
     'coin': ({BELOW: '{-9-k/8}'}, 2e-2, 25),
     'differential_drive_cart': ({}, 2e-2, 15),
 }

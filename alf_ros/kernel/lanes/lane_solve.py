@@ -47,10 +47,10 @@ def augmented_lanes(
             slow = unless(closed) & going
             ratio = min(1.0, left / before)
             counts = slow if count != 2 or iterations == 2 else slow & (ratio <= until.patience)
-            slows = counts & (ratio > until.patience)
-            if not nowhere(slows):
-                still = slows & (left <= fine * size * turned(system, work, system.ordinary))
-                counts, ended = counts & unless(still), ended | still
+            steep = counts & (ratio > until.patience)
+            if not nowhere(steep):  # what rounding leaves of dependent rows is no slow mode
+                rounded = steep & (left <= fine * size * turned(system, work, system.ordinary))
+                counts, ended = counts & unless(rounded), ended | rounded
             slowest = pick(counts, max(slowest, ratio), slowest)
             ended = ended | (slow & (slowest > until.patience))
         ended = ended & going
