@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import Coupled, Robot
 
-_ALONG = 1.0 - 1e-9  # cosine between two axes that are the same
+ALONG = 1.0 - 1e-9  # cosine between two axes that are the same
 
 
 def couple(
@@ -42,7 +42,7 @@ def _hinge(robot: Robot, reference: str, part: str, axis: Floats) -> tuple[str, 
         if each.kind != 'revolute' or ends not in ((reference, part), (part, reference)):
             continue
         along = float(each.axes[0] @ axis)
-        if abs(along) > _ALONG:
+        if abs(along) > ALONG:
             forwards = (along > 0.0) == (each.child == part)
             return each.name, 1.0 if forwards else -1.0
     return None

@@ -45,8 +45,8 @@ class UrdfReader:
 
     positions: of joints, rad or m, zero where absent. The root is fixed unless `floating`.
     arguments: of a xacro. types: of joints that are of another type (`urdf_joint_types`).
-    follows: joints that follow from loops, so that their <mimic> does not count. `sprung`: joints
-    with a spring. Raises InputError.
+    follows: joints that follow from loops, so that their <mimic> does not count. geared: mimics
+    of gearboxes, as in `mimics`. `sprung`: joints with a spring. Raises InputError.
     """
 
     def __init__(
@@ -57,6 +57,7 @@ class UrdfReader:
         arguments: Mapping[str, str] | None = None,
         types: Mapping[str, str] | None = None,
         follows: Collection[str] = (),
+        geared: Mapping[str, tuple[str, float, float]] | None = None,
     ) -> None:
         self.file = str(path)
         document = urdf_document.read(path, arguments, types or {})
@@ -84,7 +85,7 @@ class UrdfReader:
                 raise InputError('no such joint', key='--set', value=name, choices=self.joints)
             if self.joints[name].type not in _MOVES:
                 raise InputError('not a joint with one coordinate', key='--set', value=name)
-        self.mimics = self._mimics()
+        self.mimics = self._mimics() | dict(geared or {})
         self.positions = self.drawn(positions)
         for kind, things, count in (
             ('joint', self.joints, len(self.urdf.joints)),

@@ -158,11 +158,11 @@ def _macro(macro: Any) -> str:
 def _endless(
     path: Path, files: list[str], macros: list[str], shown: Callable[[str], str]
 ) -> InputError:
-    """The error of what is inside itself more often than Python calls functions."""
+    """The error of a file or macro inside itself more often than Python calls functions."""
     what, inside = ('a macro', macros) if len(macros) > len(files) else ('an include', files)
+    name = shown(max(inside, key=inside.count))
     return InputError(
-        f'xacro cannot expand it: {what} inside itself too often for Python',
+        f'xacro cannot expand it: {what} inside itself too often for Python: {name}',
         file=str(path),
-        value=shown(max(inside, key=inside.count)),
         expected=f'{what} that ends',
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -19,11 +20,11 @@ ENDLESS = MACRO.format('again', '<xacro:again n="1"/>') + '<xacro:again n="1"/>'
 
 
 def refusal(tmp_path: Path, inside: str) -> str:
-    """The message for a robot, without the folder."""
+    """The message for a robot; of paths only the names of files."""
     path = saved(tmp_path, 'it.xacro', ROBOT.format(inside))
     with pytest.raises(InputError) as caught:
         imported(path)
-    return str(caught.value).replace(f'{tmp_path}/', '')
+    return re.sub(r'[^\s(]*/', '', str(caught.value))
 
 
 @pytest.mark.parametrize(
@@ -53,9 +54,9 @@ def test_the_macros_are_named_with_their_files(tmp_path: Path) -> None:
     [
         (
             INCLUDE.format('it.xacro'),
-            "an include inside itself too often for Python, got 'it.xacro",
+            'an include inside itself too often for Python: it.xacro;',
         ),
-        (ENDLESS, "a macro inside itself too often for Python, got 'again (it.xacro)"),
+        (ENDLESS, 'a macro inside itself too often for Python: again (it.xacro);'),
         (
             '<link name="${(lambda f: f(f))(lambda f: f(f))}"/>',
             'maximum recursion depth exceeded when evaluating expression',
