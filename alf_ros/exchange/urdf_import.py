@@ -37,6 +37,7 @@ _SEVERAL = ('planar', 'floating')  # types with several coordinates
 _LIMITED = ('revolute', 'prismatic')  # types that have limits
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
+_ROUNDED = 1e-12  # rad or m: a position that an export has for zero
 _STILL = ': with --floating its root link moves'
 
 
@@ -315,7 +316,7 @@ class UrdfReader:
         pose = self.poses[last.child]
         turns = joint.limit is not None and joint.type in _LIMITED
         drawn = self.positions.get(joint.name, 0.0)
-        if drawn:
+        if abs(drawn) > _ROUNDED:
             self.robot.leave('zero of joints', f'{joint.name} at {drawn:.12g}')
         self.robot.connect(
             Connection(
