@@ -94,8 +94,9 @@ class SdfFrames:
                 )
             to, _, chain[name] = frame.relative_to.partition('\0')
             if not to:
-                message = f'its pose does not lead to {_called(base)!r}'
-                raise self._refuse(_called(name), message, frame.placed_at)
+                first, model = next(iter(chain)), self._frames[base].at
+                message = f'the pose of its placement_frame leads to {name!r}, not to the model'
+                raise self._refuse(_called(base), message, model, value=_called(first))
             name = self.find(to, '', frame.placed_at)
         found = known[name]
         for name, placed in reversed(chain.items()):

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import Coupled, Robot
 
-_ALONG = 1.0 - 1e-9  # cosine between two axes that are the same
+ALONG = 1.0 - 1e-9  # cosine between two axes that are the same
 
 
 def couple(
@@ -24,15 +24,20 @@ def couple(
     ratio: float,
 ) -> None:
     """Couple the hinges of two parts on the reference part, each about its unit axis; list a
-    gearbox whose parts are not on such hinges."""
-    hinges = [_hinge(robot, reference, part, u) for part, u in zip(parts, axes, strict=True)]
-    names = [hinge[0] for hinge in hinges if hinge is not None]
-    if len(set(names)) < len(hinges):
-        robot.leave('gearboxes', name)
-        return
-    (first, turn), (second, other) = (hinge for hinge in hinges if hinge is not None)
-    of = {second: other} | ({first: ratio * turn} if ratio else {})
-    robot.couplings.append(Coupled(name, of))
+    gearbox whose parts are not on such hinges. A part fixed to the reference part has no angle.
+    """
+    of: dict[str, float] = {}
+    turning = [
+        each for each in zip(parts, axes, (ratio, 1.0), strict=True) if each[0] != reference
+    ]
+    for part, u, factor in reversed(turning):
+        hinge, sign = _hinge(robot, reference, part, u) or ('', 0.0)
+        if not hinge or hinge in of:
+            robot.leave('gearboxes', name)
+            return
+        of[hinge] = factor * sign
+    if any(of.values()):
+        robot.couplings.append(Coupled(name, {each: x for each, x in of.items() if x}))
 
 
 def _hinge(robot: Robot, reference: str, part: str, axis: Floats) -> tuple[str, float] | None:
@@ -42,7 +47,7 @@ def _hinge(robot: Robot, reference: str, part: str, axis: Floats) -> tuple[str, 
         if each.kind != 'revolute' or ends not in ((reference, part), (part, reference)):
             continue
         along = float(each.axes[0] @ axis)
-        if abs(along) > _ALONG:
+        if abs(along) > ALONG:
             forwards = (along > 0.0) == (each.child == part)
             return each.name, 1.0 if forwards else -1.0
     return None

@@ -22,6 +22,7 @@ from alf_ros.exchange import (
     sdf_resources,
     sdf_versions,
     sdf_visuals,
+    xml_file,
 )
 from alf_ros.exchange.robot import GROUND, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, pose_of
@@ -89,6 +90,10 @@ class _Reader:
         self._told += told
         return root
 
+    def _folder(self, element: ElementTree.Element) -> Path:
+        """Of the file that has an element, which may be included."""
+        return Path(xml_file.place_of(element, str(self.path))['file']).parent
+
     # ------------------------------------------------------------------------- links and frames
 
     def _scope(self, element: ElementTree.Element, alone: bool) -> None:
@@ -140,7 +145,8 @@ class _Reader:
     def _included(self, element: ElementTree.Element) -> ElementTree.Element | None:
         """The model of another file, with the name and the pose that this one gives it."""
         uri = (element.findtext('uri') or '').strip()
-        path = sdf_resources.model_file(uri, self.path.parent)
+        folders = dict.fromkeys((self._folder(element), self.path.parent))
+        path = sdf_resources.model_file(uri, *folders)
         model = None if path is None else self._root(path).find('model')
         if model is None:
             self.robot.leave('includes', uri)
@@ -343,7 +349,7 @@ class _Reader:
         self.robot.lift(links, part_of, self.weightless)
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
-            sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
+            sdf_visuals.add(self.robot, visual, self._folder(visual), part_of[link], frame)
         self._leave_obstacles()
         held = {
             scope + self._name(each)

@@ -1,6 +1,7 @@
 """Files that an SDF names by URIs such as `model://hand/meshes/palm.dae`.
 
-They are beside the SDF, in a folder above it, or where GZ_SIM_RESOURCE_PATH and SDF_PATH say.
+They are beside the file that names them, in a folder above it, or where GZ_SIM_RESOURCE_PATH and
+SDF_PATH say. Models may also be around the SDF that includes this file.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from alf_ros.exchange import sdf_versions, xml_file
 _MODELS = ('.sdf', '.world', '.xml')
 
 
-def model_file(uri: str, folder: Path) -> Path | None:
-    """The file that a URI of an <include> means; None if there is none."""
-    for at in _candidates(uri, folder):
+def model_file(uri: str, *folders: Path) -> Path | None:
+    """The file that a URI of an <include> means, around the first of these folders that has it;
+    None if there is none."""
+    for at in _candidates(uri, *folders):
         if at.is_dir():
             at = _of_folder(at)
         if at.is_file() and at.suffix in _MODELS:
@@ -45,9 +47,9 @@ def mesh_uri(uri: str, folder: Path) -> str:
     return uri
 
 
-def _candidates(uri: str, folder: Path) -> Iterator[Path]:
+def _candidates(uri: str, *folders: Path) -> Iterator[Path]:
     name = uri.partition('://')[2] if '://' in uri else uri
-    places = [folder, *folder.resolve().parents]
+    places = [place for each in folders for place in (each, *each.resolve().parents)]
     for variable in ('GZ_SIM_RESOURCE_PATH', 'SDF_PATH'):
         places += [Path(each) for each in os.environ.get(variable, '').split(':') if each]
     if name and '\0' not in name:

@@ -21,6 +21,11 @@ _ROTORS = ('motorInertia', 'rotor_inertia')
 _DRAKE = ('http://drake.mit.edu', 'undeclared:drake')
 _CONSTANTS = ('motorTorqueConstant', 'motor_torque_constant')  # N m per ampere
 _ENDS = ('min', 'max')  # of commands
+_YES = ('true', 'True', '1')
+_STARTS = (
+    ('initial_position', 'positions of joints'),
+    ('initial_velocity', 'velocities of joints'),
+)
 
 
 def initial_positions(xml: ElementTree.Element) -> dict[str, list[ElementTree.Element]]:
@@ -74,16 +79,20 @@ def leave(
 ) -> None:
     """Note their other contents; `mimics`: joints that mimic others already; with_rotors: joints
     that have their `armatures`."""
+    placed = initial_positions(xml)
     for joint in xml.findall('ros2_control/joint'):
         name = joint.get('name', '')
-        if any(each.get('name') == 'mimic' for each in joint.findall('param')):
-            if name not in mimics:
-                robot.leave('mimic', name)
+        given = {each.get('name', ''): each.text or '' for each in joint.findall('param')}
+        if name not in mimics and ('mimic' in given or joint.get('mimic') in _YES):
+            robot.leave('mimic', name)
+        for key, kind in _STARTS:  # of early versions, and of drivers
+            if name not in placed and not _is(given.get(key, ''), 0.0):
+                robot.leave(kind, name)
         for state in joint.findall('state_interface'):
             begins = any(each.get('name') == 'initial_value' for each in state.findall('param'))
             if begins and state.get('name') == 'velocity':
                 robot.leave('velocities of joints', name)
-        _leave_of_motors(robot, name, {each.get('name', '') for each in joint.findall('param')})
+        _leave_of_motors(robot, name, given)
         for command in joint.findall('command_interface'):
             if any(each.get('name') in _ENDS for each in command.findall('param')):
                 robot.leave('limits of commands', f'{name} ({command.get("name")})')
@@ -94,7 +103,7 @@ def leave(
         tags = {each.tag.rpartition('}')[2] for each in told}
         for name in names:
             _leave_of_motors(robot, name, tags)
-        reduced = [text for text in _reductions(told) if not _is_one(text)]
+        reduced = [text for text in _reductions(told) if not _is(text, 1.0)]
         if reduced:
             by = f'{", ".join(names)} by {", ".join(reduced)}'
             robot.leave('reductions of transmissions', by)
@@ -122,9 +131,10 @@ def _reductions(elements: Iterable[ElementTree.Element]) -> Iterator[str]:
             yield (each.text or each.get('value') or '').strip()
 
 
-def _is_one(text: str) -> bool:
+def _is(text: str, value: float) -> bool:
+    """Whether a text is this number, or empty."""
     try:
-        return decimal(text or '1') == 1.0
+        return decimal(text.strip() or repr(value)) == value
     except ValueError:
         return False
 

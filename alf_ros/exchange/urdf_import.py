@@ -37,6 +37,7 @@ _SEVERAL = ('planar', 'floating')  # types with several coordinates
 _LIMITED = ('revolute', 'prismatic')  # types that have limits
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
+_ROUNDED = 1e-12  # rad or m: a position that an export has for zero
 _STILL = ': with --floating its root link moves'
 
 
@@ -45,8 +46,8 @@ class UrdfReader:
 
     positions: of joints, rad or m, zero where absent. The root is fixed unless `floating`.
     arguments: of a xacro. types: of joints that are of another type (`urdf_joint_types`).
-    follows: joints that follow from loops, so that their <mimic> does not count. `sprung`: joints
-    with a spring. Raises InputError.
+    follows: joints that follow from loops, so that their <mimic> does not count. geared: mimics
+    of gearboxes, as in `mimics`. `sprung`: joints with a spring. Raises InputError.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class UrdfReader:
         arguments: Mapping[str, str] | None = None,
         types: Mapping[str, str] | None = None,
         follows: Collection[str] = (),
+        geared: Mapping[str, tuple[str, float, float]] | None = None,
     ) -> None:
         self.file = str(path)
         document = urdf_document.read(path, arguments, types or {})
@@ -84,7 +86,7 @@ class UrdfReader:
                 raise InputError('no such joint', key='--set', value=name, choices=self.joints)
             if self.joints[name].type not in _MOVES:
                 raise InputError('not a joint with one coordinate', key='--set', value=name)
-        self.mimics = self._mimics()
+        self.mimics = self._mimics() | dict(geared or {})
         self.positions = self.drawn(positions)
         for kind, things, count in (
             ('joint', self.joints, len(self.urdf.joints)),
@@ -314,7 +316,7 @@ class UrdfReader:
         pose = self.poses[last.child]
         turns = joint.limit is not None and joint.type in _LIMITED
         drawn = self.positions.get(joint.name, 0.0)
-        if drawn:
+        if abs(drawn) > _ROUNDED:
             self.robot.leave('zero of joints', f'{joint.name} at {drawn:.12g}')
         self.robot.connect(
             Connection(

@@ -8,7 +8,7 @@ origin and an axis on each side.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -27,14 +27,14 @@ from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.text.decimal_numbers import decimal
 
 _NONE = (0.0, 0.0, 0.0)
-_NOT_HERE = 'gearbox'  # a type of SDF that closes no loop
+GEARBOX = 'gearbox'  # a type of SDF that closes no loop, see `urdf_gearboxes`
 
 
 def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
     """The loops of a URDF, which may be open as drawn. Raises InputError."""
     zero = reader.poses_at({})
-    for element in _gazebo_joints(reader):
-        if element.get('type') != _NOT_HERE:
+    for element in gazebo_joints(reader):
+        if element.get('type') != GEARBOX:
             yield _gazebo(reader, element, zero)
     for element in reader.xml.findall('constraint'):
         yield _constraint(reader, element, zero)
@@ -43,18 +43,15 @@ def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
 def leave(reader: UrdfReader) -> None:
     """Note the extensions of Gazebo that are no loops, and what loops do not have here."""
     urdf_gazebo.leave(reader.robot, reader.xml, reader.links, reader.sprung)
-    for element in _gazebo_joints(reader):
-        if (kind := element.get('type')) == _NOT_HERE:
-            name = element.get('name', 'gazebo_joint')
-            reader.robot.leave('joints of unknown type', f'{name} ({kind})')
-            continue
+    for element in gazebo_joints(reader):
         axes = (*element.findall('axis'), *element.findall('axis2'))
         if any(axis.find(tag) is not None for axis in axes for tag in ('limit', 'dynamics')):
             name = element.get('name', 'gazebo_joint')
             reader.robot.leave('limits, damping, friction, springs, armature', name)
 
 
-def _gazebo_joints(reader: UrdfReader) -> list[ElementTree.Element]:
+def gazebo_joints(reader: UrdfReader) -> list[ElementTree.Element]:
+    """The joints in extensions of Gazebo that are about the whole robot."""
     extensions = reader.xml.findall('gazebo')
     return [
         element
@@ -68,14 +65,38 @@ def _gazebo(
 ) -> TwoEndedLoop:
     name = element.get('name', 'gazebo_joint')
     kind = SCREW if element.get('type') == SCREW else _kind(reader, name, element)
-    sides = [(element.findtext(side) or '').strip() for side in ('parent', 'child')]
-    for side in sides:
-        reader.part(side, name, element)
+    sides = ends(reader, name, element, ('parent', 'child'))
+    place, axes = placed(reader, name, element, zero, AXES.get(kind, 1))
+    made = two_ended_loops.drawn(name, kind, sides, place, axes, zero, reader.file)
+    pitch = pitch_of(reader.robot, element, name) if kind == SCREW else 0.0
+    return replace(made, pitch=pitch)
+
+
+def ends(
+    reader: UrdfReader, name: str, element: ElementTree.Element, tags: Sequence[str]
+) -> list[str]:
+    """The links that a joint of Gazebo names. Raises InputError."""
+    links = [(element.findtext(tag) or '').strip() for tag in tags]
+    for link in links:
+        reader.part(link, name, element)
+    return links
+
+
+def placed(
+    reader: UrdfReader,
+    name: str,
+    element: ElementTree.Element,
+    zero: dict[str, FramePose],
+    count: int,
+) -> tuple[Floats, list[Floats]]:
+    """Place and axes of a joint of Gazebo in the frame of the root, with all joints at `zero`.
+    Raises InputError."""
+    child = (element.findtext('child') or '').strip()
     pose = element.find('pose')
-    _only(reader, name, pose, 'relative_to', (sides[1],))
-    frame = zero.get(sides[1], STILL) @ pose_of(pose, reader.error, name)
+    _only(reader, name, pose, 'relative_to', (child,))
+    frame = zero.get(child, STILL) @ pose_of(pose, reader.error, name)
     axes = []
-    for tag in ('axis', 'axis2')[: AXES.get(kind, 1)]:
+    for tag in ('axis', 'axis2')[:count]:
         axis = element.find(tag)
         xyz = None if axis is None else axis.find('xyz')
         if axis is None or xyz is None:
@@ -84,9 +105,7 @@ def _gazebo(
         u = reader.unit(name, _floats(reader, name, xyz, xyz.text, (0.0, 0.0, 1.0)), xyz)
         of_model = says(axis, OF_MODEL, reader.error, name) or xyz.get('expressed_in') == MODEL
         axes.append(u if of_model else frame.turn @ u)
-    made = two_ended_loops.drawn(name, kind, sides, frame.origin, axes, zero, reader.file)
-    pitch = pitch_of(reader.robot, element, name) if kind == SCREW else 0.0
-    return replace(made, pitch=pitch)
+    return frame.origin, axes
 
 
 def _constraint(

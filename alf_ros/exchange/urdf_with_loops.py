@@ -10,6 +10,7 @@ from alf_ros.exchange import (
     closed_loop_file,
     loop_closures_file,
     two_ended_loops,
+    urdf_gearboxes,
     urdf_joint_types,
     urdf_loops,
     urdf_loops_file,
@@ -59,10 +60,15 @@ def read(
     types = closed_loop_file.joint_types(side) if side and of_gepetto else {}
     follows = loop_closures_file.dependent(side) if side and of_scikit else []
 
+    geared: dict[str, tuple[str, float, float]] = {}
+
     def reader_at(positions: Mapping[str, float]) -> UrdfReader:
-        return UrdfReader(path, positions, floating, arguments, types, follows)
+        return UrdfReader(path, positions, floating, arguments, types, follows, geared)
 
     reader = reader_at({**by_file, **positions})
+    geared, gearboxes = urdf_gearboxes.mimics(reader)
+    if geared:  # known from the tree
+        reader = reader_at({**by_file, **positions})
     loops = list(urdf_loops.loops(reader))
     if side and own:
         loops += urdf_loops_file.loops(side, reader)
@@ -80,6 +86,8 @@ def read(
     if side is None and (other := side_file(path)) is not None:
         reader.robot.leave('loops (see --loops)', other.name)
     urdf_loops.leave(reader)
+    for name in gearboxes:
+        reader.robot.leave('gearboxes', name)
     for loop in loops:
         two_ended_loops.add(reader, loop)
     if side and of_gepetto:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.parsers.expat import ExpatError
 
 from alf_ros import paths
 from alf_ros.errors import InputError
@@ -20,7 +21,9 @@ _ARGUMENT = re.compile(
     r"""<\w+:arg\b[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg\s+([^)\s]+)|\barg\(\s*["']([^"']+)"""
 )
 _PARTS, _MACRO = re.compile(r'<(link|model|include)\b'), re.compile(r'<\w+:macro\b')
-_PACKAGE = re.compile(r'\$\(find\s+([^)\s]+)')
+_PACKAGE, _COMMENT = re.compile(r'\$\(find\s+([^)\s]+)'), re.compile('<!--.*?-->', re.DOTALL)
+_TWICE = re.compile(r"<class '[^']*'>: (.+?) \1", re.DOTALL)  # xacro of errors of Python
+_NESTED, _TOLD = 20, 3  # what is deeper is inside itself; macros around an error that are told
 _NOT_FOUND = ('AMENT_PREFIX_PATH', 'not found, searching', 'ament_index')
 
 
@@ -68,7 +71,8 @@ def _unlinked(text: str, links: Mapping[str, Path], packages: Mapping[str, Path]
 
 def _missing(path: Path, xacro: Any) -> list[str]:
     """The packages that ROS does not find, of those that a file and its includes name."""
-    found = [name for text in _texts(path, xacro) for name in _PACKAGE.findall(text)]
+    texts = (_COMMENT.sub('', text) for text in _texts(path, xacro))
+    found = [name for text in texts for name in _PACKAGE.findall(text)]
     return [name for name in dict.fromkeys(found) if not shares(name)]
 
 
@@ -132,6 +136,33 @@ def _refused(path: Path, xacro: Any, error: Exception, shown: Callable[[str], st
     encoded = _encoded(path, xacro, shown) if isinstance(cause or error, UnicodeError) else None
     if encoded is not None:
         return encoded
+    files = [str(each) for each in getattr(xacro, 'filestack', None) or [path]]
+    macros = [_macro(each) for each in getattr(xacro, 'macrostack', None) or []]
+    if isinstance(cause or error, RecursionError) and max(len(files), len(macros)) > _NESTED:
+        return _endless(path, files, macros, shown)
     if isinstance(cause, OSError) and cause.filename:  # xacro says both, with the path in each
         said = shown(f'{cause.strerror}: {cause.filename}')
-    return InputError(f'xacro cannot expand it: {said}', file=str(path))
+    said = _TWICE.sub(r'\1', said)
+    line = error.lineno if isinstance(error, ExpatError) else None
+    calls = f' in the macro {" of ".join(macros[: -1 - _TOLD : -1])}' if macros else ''
+    return InputError(
+        f'xacro cannot expand it{shown(calls)}: {said}', file=shown(files[-1]), line=line
+    )
+
+
+def _macro(macro: Any) -> str:
+    """A macro with the file that defines it."""
+    return f'{macro.body.getAttribute("name")} ({macro.history[-1][-1]})'
+
+
+def _endless(
+    path: Path, files: list[str], macros: list[str], shown: Callable[[str], str]
+) -> InputError:
+    """The error of a file or macro inside itself more often than Python calls functions."""
+    what, inside = ('a macro', macros) if len(macros) > len(files) else ('an include', files)
+    name = shown(max(inside, key=inside.count))
+    return InputError(
+        f'xacro cannot expand it: {what} inside itself too often for Python: {name}',
+        file=str(path),
+        expected=f'{what} that ends',
+    )

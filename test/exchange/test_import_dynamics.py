@@ -293,6 +293,26 @@ def test_initial_values_that_do_not_count_are_listed(
     assert f'#   {line}' in text
 
 
+@pytest.mark.parametrize(
+    ('attribute', 'inside', 'line'),
+    [
+        ('', '<param name="initial_position">0.4</param>', 'positions of joints: .*: one'),
+        ('', '<param name="initial_velocity">2</param>', 'velocities of joints: .*: one'),
+        (' mimic="true"', '', 'mimic: .*: one'),
+        ('', '<param name="initial_position">0.0</param>', ''),
+        (' mimic="false"', '', ''),
+    ],
+)
+def test_what_ros2_control_says_of_the_start_of_a_joint_is_listed(
+    attribute: str, inside: str, line: str, tmp_path: Path
+) -> None:
+    """As early versions and some drivers have it. It was ignored."""
+    joint = f'<ros2_control><joint name="one"{attribute}>{inside}</joint></ros2_control>'
+    text = imported(saved(tmp_path, 'it.urdf', finger(2.0, 0.1, joint)), scene=True)
+    found = re.findall('#   ((?:positions of|velocities of|mimic).*)', text)
+    assert [bool(re.fullmatch(line, each)) for each in found] == [True] * bool(line)
+
+
 def test_a_revolute_joint_without_limits_is_listed(tmp_path: Path) -> None:
     turning = finger(1.0, 0.0)
     text = imported(saved(tmp_path, 'it.urdf', turning.replace('continuous', 'revolute')))

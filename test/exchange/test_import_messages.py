@@ -433,3 +433,10 @@ def test_an_impossible_number_has_its_line(
     with pytest.raises(InputError) as caught:
         imported(path, scene=True)
     assert str(caught.value).startswith(f'{path}:{line}: {message}')
+
+
+def test_rounding_is_no_position_of_a_joint(tmp_path: Path) -> None:
+    """An export has 2e-16 rad for zero."""
+    path = saved(tmp_path, 'it.urdf', robots.double_pendulum())
+    assert 'zero of joints' not in imported(path, positions={'elbow': 2e-16})
+    assert 'zero of joints' in imported(path, positions={'elbow': 2e-9})

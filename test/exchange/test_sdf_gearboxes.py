@@ -53,6 +53,19 @@ def test_it_turns_with_its_ratio(
     assert joints['turn'].position == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.parametrize(('held', 'free'), [('swing', 'turn'), ('turn', 'swing')])
+def test_it_holds_the_other_hinge_of_a_part_that_is_fixed(
+    held: str, free: str, tmp_path: Path
+) -> None:
+    text = robot(2.0, False).replace(f'"{held}" type="revolute"', f'"{held}" type="fixed"')
+    found = imported(saved(tmp_path, 'it.sdf', text), scene=True)
+    assert 'gearboxes' not in found
+    assert f'{{joints: {{{free}: ' in found
+    simulation = simulate(found)
+    simulation.step(100)
+    assert simulation.sample().joints[free].position == pytest.approx(0.0, abs=1e-14)
+
+
 @pytest.mark.parametrize(('axis', 'body'), [('1 0 0', 'base'), ('0 1 0', 'arm'), ('0 1 0', '')])
 def test_what_has_no_such_hinges_is_listed(axis: str, body: str, tmp_path: Path) -> None:
     text = imported(saved(tmp_path, 'it.sdf', robot(2.0, False, axis, body)), scene=True)

@@ -45,6 +45,17 @@ def test_a_mistake_in_an_sdf_has_its_line(
     assert str(caught.value).startswith(f'{path}:{line}: {message}')
 
 
+def test_a_placement_frame_that_the_world_places_is_named(tmp_path: Path) -> None:
+    """A joint whose child is the world is placed in the world."""
+    model = '<model name="m" placement_frame="j">\n<link name="a"/>'
+    joint = '<joint name="j" type="ball"><parent>a</parent><child>world</child></joint></model>'
+    path = saved(tmp_path, 'it.sdf', f'<sdf version="1.9">\n{model}{joint}</sdf>')
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    said = "the pose of its placement_frame leads to 'world', not to the model, got 'j'"
+    assert str(caught.value) == f'{path}:2: __model__: {said}'
+
+
 def test_an_empty_world_is_not_asked_for_a_world(tmp_path: Path) -> None:
     path = saved(tmp_path, 'it.sdf', '<sdf version="1.9">\n<world name="w"/></sdf>')
     with pytest.raises(InputError, match='none; expected <model> or <include> in the <world>$'):

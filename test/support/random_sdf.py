@@ -21,6 +21,8 @@ ALIKE = {'continuous': 'revolute', 'revolute2': 'universal', 'Revolute': 'revolu
 AXES = {'ball': 0, 'fixed': 0, 'universal': 2}  # 1 for others
 KINDS = ('revolute', 'prismatic', 'ball', 'universal', 'fixed', *ALIKE)
 LINKS, FRAMES, REACH = 7, 4, 0.4  # m
+INERTIA = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+DEFAULT = 1.0, np.zeros(3), Rotation.identity(), np.ones(3)  # of a link without <inertial>
 
 
 def text(values: Sequence[float] | Floats) -> str:
@@ -42,7 +44,8 @@ class RandomTree:
         self.joint: dict[str, str] = {}
         self.kind: dict[str, str] = {}
         self.axes: dict[str, Floats] = {}
-        self.attached: dict[str, str] = {}
+        self.attached: dict[str, str] = {}  # the link of a frame
+        self.named: dict[str, str] = {}  # what a frame names: its link, or a frame before it
         self.inertia: dict[str, tuple[float, Floats, Rotation, Floats]] = {}
         for n in range(LINKS):
             scope = SCOPES[n] if n < len(SCOPES) else self._one(SCOPES)  # each has a link
@@ -51,7 +54,9 @@ class RandomTree:
             scope = self._one(SCOPES)
             own = [link for link in self.links if link.startswith(scope)]
             name = f'{scope}f{n}'
-            self.poses[name], self.attached[name] = self._pose(), self._one(own)
+            self.poses[name], link = self._pose(), self._one(own)
+            self.named[name] = self._one([link, *self._fixed_to(link, scope)])
+            self.attached[name] = link
 
     def _one(self, choices: Sequence[str]) -> str:
         return choices[int(self.random.integers(len(choices)))]
@@ -79,7 +84,8 @@ class RandomTree:
         s = self.random.uniform(0.02, 0.1, 3)
         moments = np.array([s[1] + s[2], s[2] + s[0], s[0] + s[1]])
         mass, com = float(self.random.uniform(0.5, 2.0)), self.random.uniform(-0.2, 0.2, 3)
-        self.inertia[link] = mass, com, self._turn(), moments
+        given = mass, com, self._turn(), moments
+        self.inertia[link] = DEFAULT if self._happens(0.1) else given
 
     # ---------------------------------------------------------------------------------------- SDF
 
@@ -124,34 +130,44 @@ class RandomTree:
         return f'<pose{to}{how}>{text([*pose.origin, *ways[how]])}</pose>'
 
     def _link(self, link: str, scope: str) -> str:
-        mass, com, turn, moments = self.inertia[link]
-        inertia = ''.join(
-            f'<{key}>{value!r}</{key}>'
-            for key, value in zip(('ixx', 'iyy', 'izz'), moments.tolist(), strict=True)
-        )
         pose = self._values(self.poses[f'{scope}{MODEL}'].inverse @ self.poses[link])
-        own = self._values(FramePose(com, turn.as_matrix()))
-        return (
-            f'<link name="{link.removeprefix(scope)}">{pose}<inertial>{own}<mass>{mass!r}</mass>'
-            f'<inertia>{inertia}</inertia></inertial></link>'
+        return f'<link name="{link.removeprefix(scope)}">{pose}{self._inertial(link)}</link>'
+
+    def _inertial(self, link: str) -> str:
+        """In the principal axes, or in axes that are turned: with products of inertia."""
+        mass, com, principal, moments = self.inertia[link]
+        if self.inertia[link] is DEFAULT and self._happens(0.5):
+            return ''
+        turn = self._turn() if self._happens(0.5) else principal
+        A = (turn.inv() * principal).as_matrix()
+        J = A @ np.diag(moments) @ A.T
+        rows = zip(*np.triu_indices(3), strict=True)
+        inertia = ''.join(
+            f'<{key}>{float(J[row])!r}</{key}>' for key, row in zip(INERTIA, rows, strict=True)
         )
+        own = self._values(FramePose(com, turn.as_matrix()))
+        return f'<inertial>{own}<mass>{mass!r}</mass><inertia>{inertia}</inertia></inertial>'
+
+    def _fixed_to(self, link: str, scope: str) -> list[str]:
+        """Frames of a link that can be named in a scope."""
+        return [each for each in self._visible(scope, 'f') if self.attached.get(each) == link]
 
     def _frame(self, frame: str, scope: str) -> str:
-        at = self.attached[frame]
+        at = self.named[frame]
         pose = self._stated(self.poses[frame], scope, at, 'l')
         name = frame.removeprefix(scope)
         return f'<frame name="{name}" attached_to="{at.removeprefix(scope)}">{pose}</frame>'
 
     def _joint(self, link: str, joint: str, scope: str) -> str:
-        frames = [each for each in self._visible(scope, 'f') if self.attached[each] == link]
-        child = self._one([link, *frames])
+        child = self._one([link, *self._fixed_to(link, scope)])
+        parent = self._one([self.parent[link], *self._fixed_to(self.parent[link], scope)])
         pairs = list(zip(('axis', 'axis2'), self.axes[link], strict=True))
         given = pairs[: AXES.get(self._kind(link), 1)]
         axes = ''.join(self._axis(tag, axis, joint, scope) for tag, axis in given)
-        parent = self.parent[link].removeprefix(scope)
         return (
             f'<joint name="{joint.removeprefix(scope)}" type="{self.kind[link]}">'
-            f'{self._stated(self.poses[joint], scope, child, "lf")}<parent>{parent}</parent>'
+            f'{self._stated(self.poses[joint], scope, child, "lf")}'
+            f'<parent>{parent.removeprefix(scope)}</parent>'
             f'<child>{child.removeprefix(scope)}</child>{axes}</joint>'
         )
 
