@@ -366,7 +366,7 @@ class _Reader:
                 name = f'{self._short(scope)}{each.get("name")}'
                 self.robot.leave('joints of unknown type', f'{name} ({each.get("type", "")})')
             elif parent == child == GROUND:
-                self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
+                joints.hold(scope, each)
             else:
                 for connection in joints.connections(scope, each, parent, child):
                     self.robot.connect(connection, at=each)

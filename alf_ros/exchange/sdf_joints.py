@@ -140,6 +140,13 @@ class SdfJoints:
             assert name is not None
             yield Connection(name, 'revolute', *ends, whole.place, (axis,), **vars(of))
 
+    def hold(self, scope: str, element: ElementTree.Element) -> None:
+        """Note a joint of fixed parts. What it mimics is held by it."""
+        own = scope + name_of(element, self._robot.error)
+        self._robot.leave('elements', f'joint {element.get("name")} of a fixed part')
+        for tag in _TAGS:
+            self._couple(_Axis(own, tag))
+
     def _connection(
         self, own: str, scope: str, element: ElementTree.Element, parent: str, child: str
     ) -> Connection:
@@ -258,7 +265,7 @@ class SdfJoints:
         Raises InputError."""
         error, leave = self._robot.error, self._robot.leave
         own = scope + name_of(element, error)
-        if own in self._held or not self._kinds[own]:
+        if not self._kinds[own]:
             return
         name = self._short(own)
         for tag in _TAGS[: AXES.get(self._kinds[own], 1)]:
@@ -301,17 +308,21 @@ class SdfJoints:
         return found
 
     def _couple(self, axis: _Axis) -> None:
-        """Add the coupling of an axis that mimics another one."""
+        """Add the coupling of an axis that mimics another one. A joint of fixed parts keeps its
+        coordinate."""
         if axis not in self._mimics:
             return
         mimic = self._mimics[axis]
         name, other = (
             self._coordinates.get(each, self._short(each.joint)) for each in (axis, mimic.other)
         )
+        of = {} if axis.joint in self._held else {name: 1.0}
+        if mimic.multiplier != 0.0 and mimic.other.joint not in self._held:
+            of[other] = -mimic.multiplier
+        if not of:
+            return
         if mimic.offset != mimic.multiplier * mimic.reference:
             self._robot.leave('phase of mimic', name)
-        moves = mimic.multiplier != 0.0 and mimic.other.joint not in self._held
-        of = {name: 1.0} | ({other: -mimic.multiplier} if moves else {})
         self._robot.couplings.append(Coupled(f'{name}_mimic', of))
 
     def _axis(self, scope: str, element: ElementTree.Element, tag: str) -> Floats:

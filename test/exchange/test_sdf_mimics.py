@@ -142,3 +142,21 @@ def test_axes_that_mimic_each_other_are_refused(tmp_path: Path) -> None:
     mimics = {'first': mimic('u', 'axis2', 2.0), 'second': mimic('u', 'axis', 0.5)}
     with pytest.raises(InputError, match='u: it mimics itself'):
         imported(saved(tmp_path, 'it.sdf', sdf('universal', False, mimics)))
+
+
+def test_a_joint_of_fixed_parts_holds_what_it_mimics(tmp_path: Path) -> None:
+    """`k` keeps its angle, since both of its parts are fixed: so `h` keeps its own. The slide
+    follows nothing that moves."""
+    still = '<model name="wall"><static>true</static><link name="w"/></model>'
+    ends = 'world', 'wall::w', axis('axis', HINGE, mimic('h', 'axis', 0.5))
+    source = sdf('universal', False, {'s': mimic('k', 'axis', 2.0)})
+    held = JOINT.format('k', 'revolute', '', *ends)
+    source = source.replace('</model></sdf>', f'{still}{held}</model></sdf>')
+    text = imported(saved(tmp_path, 'it.sdf', source), scene=True)
+    assert 'k_mimic: {joints: {h: -0.5}}' in text and 's_mimic: {joints: {s: 1.0}}' in text
+    assert '#   elements: joint k of a fixed part\n' in text
+    simulation = simulate(text)
+    simulation.step(round(DURATION * 1000))
+    joints = simulation.sample().joints
+    free = np.array([[0, 0], [1, 0], [0, 1], [0, 0]], dtype=float)
+    assert [joints[name].position for name in NAMES] == pytest.approx(expected(free), abs=1e-8)
