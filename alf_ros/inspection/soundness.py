@@ -30,6 +30,7 @@ from alf_ros.model.dense_linearisation import Linearised, moving
 from alf_ros.model.handedness import check_hands
 from alf_ros.model.singular_branches import Position
 from alf_ros.model.singular_location import located
+from alf_ros.model.yielding import yielding, yields
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.bearing_shares import BearingShares, has_bearings
 from alf_ros.simulation.packed_effects import loaded
@@ -352,6 +353,14 @@ def _place_of_start(here: Position, gained: int, dependent: int) -> Answer:
         names = _list(moving(here.model, here.free[0, : here.model.n]))
         text = f'infinitesimally mobile only (shaky): {names} may yield, but no motion begins'
         return Answer(BAD, question, text)
+    if not here.is_driven and yields(here, dependent):
+        count, names = yielding(here)
+        text = (
+            f'not singular, but shaky wherever it goes: {_count(count, "freedom")} of the '
+            f'{len(here.free)} of velocity is held to second order only; {names} may yield, and '
+            'no finite reactions hold what pushes them there'
+        )
+        return Answer(NOTE, question, text)
     if gained <= 0:
         return Answer(OK, question, 'not singular')
     text = reported(here, dependent).text

@@ -59,6 +59,7 @@ _TRIES = 6
 _NARROWER = 0.25  # of their spacing, where friction has no balance at one of the places
 _NARROWEST = 0.02  # of the first spacing, above which they are moved closer once more
 SLOW = 1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
+_BALANCED = 1e-12  # part of what forces give free masses, below which accelerations are rounding
 _CLOSED = 1e-10  # part of the size
 DRIFT = 1e-13  # part of the size by which lengths may miss the position without energy drifting
 _SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
@@ -250,7 +251,8 @@ def _find_along(
         keep_part(system, work.along)
         moving = False  # what else moves stays where it is, and chords tell the way of this part
     speed = largest(work.along, n)
-    if not speed > 0.0:
+    least = 0.0 if moving else _BALANCED * largest(work.Q, n) / system.mean
+    if not speed > least:
         return 1, False
     if 20.0 * moved > _WIDEST * system.size:  # so far off Φ = 0 is a stage of too long a step
         return 0, False

@@ -73,7 +73,12 @@ def moving(model: Model, directions: Floats) -> list[str]:
     return [name for name, text in _by_name(model, fastest).items() if text.strip('[]0, ')]
 
 
+def some_moving(model: Model, directions: Floats) -> str:
+    """The first of them."""
+    return ', '.join(moving(model, directions)[:6])
+
+
 def shaky(model: Model, free: Floats) -> str:
     """State that no motion begins in the directions `free` (freedoms, blocks D)."""
-    names = ', '.join(moving(model, free)[:6])
+    names = some_moving(model, free)
     return f'infinitesimally mobile only (shaky): no motion begins here, though {names} may yield'

@@ -21,6 +21,7 @@ from alf_ros.errors import AssemblyError
 from alf_ros.mechanism import Mechanism
 from alf_ros.model import branch_words
 from alf_ros.model.compile import Model
+from alf_ros.model.firm_closing import lie_beside
 from alf_ros.model.free_walk import (
     EXACT,
     FELT,
@@ -85,6 +86,8 @@ def made_consistent(
         return None
     if model.n > SEARCHED:
         places, singular = walk.places(q, _MANY)
+    if lie_beside(walk, q, places):
+        return None
     gap = walk.gap(places + singular)
     if gap > LARGEST * model.size:
         raise _shaky(model, q, dependent_rows) or _contradiction(walk, places)
@@ -146,13 +149,14 @@ def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechani
 
 
 def _shaky(model: Model, q: Floats, dependent_rows: int) -> AssemblyError | None:
-    """An error if q (blocks D, m) is infinitesimally mobile, as two bars in line that hang up a
-    pendulum: wherever it swings, as many rows depend on others.
+    """An error if q (blocks D, m) is infinitesimally mobile and nothing else, as two bars in line.
 
     Where rows depend on others everywhere because lengths agree, no velocity breaks them.
     """
     here = replace(position(model, q), x=_FLAT)
     if here.kind == SMOOTH or len(here.lost) != dependent_rows:
+        return None
+    if any(branch.dimension for branch in here.branches):
         return None
     return AssemblyError(branch_words.shaky(model, here.free), key='initial.positions')
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from alf_ros.effects.contract import Effect
-from alf_ros.errors import StepError
+from alf_ros.errors import AssemblyError, StepError
 from alf_ros.kernel import Status
 from alf_ros.model.far_places import nearer
+from alf_ros.model.singular_branches import position
+from alf_ros.model.yielding import yielding, yields
 from alf_ros.simulation import force_failures, locked_rows, stiff_failures
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.present import Present
@@ -44,6 +46,7 @@ def failure(stepper: Stepper, status: Status, present: Present) -> StepError:
     if status == Status.NOT_CLOSED:
         crossing, phase = float(stepper.work.crossing[1]), present.phase
         cause = locked_rows.explained(stepper.model, phase.q)
+        cause = cause or _yielding(stepper, present)
         cause = cause or stepper.missed.explained(crossing, phase.q, phase.qd)
         if cause is not None:
             reason, remedy = reason + cause[0], cause[1]
@@ -82,6 +85,24 @@ def _too_stiff(stepper: Stepper, status: Status, present: Present) -> tuple[str,
     """Reason and remedy, if an effect is too stiff for the step from the present."""
     sample = stepper.sample(present, present.step, present.state())
     return stiff_failures.explained(status, sample, stepper.solver.integrator, stepper.h)
+
+
+def _yielding(stepper: Stepper, present: Present) -> tuple[str, str] | None:
+    """The same, if rows hold some directions to second order only."""
+    dependent, t = stepper.start.dependent_rows, present.step * stepper.h
+    if not dependent:
+        return None
+    try:
+        here = position(stepper.model, present.phase.q, t)
+    except AssemblyError:  # drives cannot move on
+        return None
+    if not yields(here, dependent):
+        return None
+    return (
+        f': it is shaky wherever it goes, {yielding(here)[1]} yield, and no finite reactions hold '
+        'what pushes them there',
+        'balance the forces on them, or leave redundant bodies or joints out',
+    )
 
 
 def _endless(stepper: Stepper, present: Present) -> tuple[str, str] | None:

@@ -140,38 +140,6 @@ def test_check_knows_one_freedom(name: str) -> None:
     assert simulation.adjustment is None or max(simulation.adjustment.changes.values()) < 1e-14
 
 
-def test_two_bars_in_line_that_hang_up_a_pendulum_are_shaky() -> None:
-    """However it swings, as many rows depend on others: that lengths contradict each other where
-    the mechanism moves was the reason given."""
-    bar = {'mass': 1.0, 'inertia': 'rod'}
-    scene = {
-        'mechanism': {
-            'alf': 1,
-            'space': 'planar',
-            'points': {
-                'A': {'at': [0, 0], 'fixed': True},
-                'B': {'at': [2, 0], 'fixed': True},
-                'C': {'at': [1, 0]},
-                'D': {'at': [1, -1]},
-            },
-            'bodies': {
-                'left': {'points': ['A', 'C'], **bar},
-                'right': {'points': ['C', 'B'], **bar},
-                'bob': {'points': ['C', 'D'], **bar},
-            },
-            'joints': {
-                'a': pin('ground', 'left', 'A'),
-                'b': pin('ground', 'right', 'B'),
-                'c': pin('left', 'right', 'C'),
-                'd': pin('left', 'bob', 'C'),
-            },
-        },
-        'effects': {'gravity': {'acceleration': [0.0, -G]}},
-    }
-    with pytest.raises(AssemblyError, match='infinitesimally mobile only'):
-        Simulation(load_scene(scene))
-
-
 @pytest.mark.parametrize(('name', 'integrator'), combined(TABLES, INTEGRATORS))
 def test_a_force_that_begins_later_starts_it_as_from_the_start(name: str, integrator: str) -> None:
     """After steps at rest the lost rows were forgotten: it began to turn, or was refused."""

@@ -213,10 +213,14 @@ def test_members_that_kill_their_workers_are_named(study: Study, here: Any) -> N
         list(cluster.Cluster(here.scheduler_address, run=_killed).chunks(study, [0]))
 
 
-def test_what_is_finished_beside_a_failing_chunk_is_kept(study: Study, here: Any) -> None:
+def test_what_is_finished_beside_a_failing_chunk_is_kept(
+    study: Study, here: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Of chunks that are fetched together, the failing one ends the study last."""
     here.scale(1)
-    given = cluster.Cluster(here.scheduler_address, run=_first_fails).chunks(study, [0, 1])
+    crew = cluster.Cluster(here.scheduler_address, run=_first_fails)
+    monkeypatch.setattr(crew, '_wait', lambda done: _until(lambda: done.queue.qsize() == 2))
+    given = crew.chunks(study, [0, 1])
     assert next(given).number == 1
     with pytest.raises(AlfError, match='a worker cannot run members 0 to 0'):
         next(given)
