@@ -17,6 +17,7 @@ from alf_ros.model.compile import Model
 from alf_ros.model.constraints.meshing import has_integral
 
 DEPENDENT = 1e-7  # singular value, of the largest, from which down rows count as dependent
+_STALLED = 10  # iterations of Newton without half as much open
 MASSLESS = 1e-12  # mass of a direction, of the largest, from which down it counts as none
 
 
@@ -155,11 +156,15 @@ class Linearised:
         q = self.q.copy()
         q[:n] += step
         at = tangent = Linearised(self.model, q)
-        before = np.inf
+        before, best, since = np.inf, np.inf, 0
         for _ in range(60):
             gap = float(np.abs(at.phi).max(initial=0.0))
             if gap < 1e-13 * size or gap > 1e3 * size:
                 break
+            if gap < 0.5 * best:
+                best, since = gap, 0
+            elif (since := since + 1) == _STALLED:
+                break  # rows that are left out stay open
             if gap > 0.1 * before:  # the decomposition does not belong to this position any more
                 tangent = at
             before = gap
