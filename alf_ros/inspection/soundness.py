@@ -105,11 +105,12 @@ def _mechanics(scene: Scene) -> Soundness:
         return Soundness(model, model.q, (closed, *_size(drawn)), Sweep())
     usual, accustomed = _ordinary(at)
     walk = sweep(usual, None if usual is at else at)
-    answers = [_closing(at), *_size(at), _mobility(at, usual), _redundant(usual)]
+    here = singular_branches.position(accustomed, at.q)
+    answers = [_closing(at), *_size(at), _mobility(usual, here), _redundant(usual)]
     answers += _drives(scene, at, usual.model.n - usual.rank)
     answers += [*_reactions(scene, usual), _mass(at)]
     known_bad = any(answer.verdict == BAD for answer in answers)
-    answers += _start(scene, accustomed, at.q, known_bad)
+    answers += _start(scene, here, known_bad)
     singular = _examined(accustomed, walk)
     answers += [*_on_the_way(usual, walk, singular), *_energy(scene, usual.model, walk)]
     return Soundness(model, at.q, tuple(answers), walk, usual.model.n - usual.rank, singular)
@@ -187,12 +188,14 @@ def _size(at: Linearised) -> Iterator[Answer]:
     yield Answer(OK, 'size', f'{model.n} coordinates of {of}; {rows}')
 
 
-def _mobility(at: Linearised, usual: Linearised) -> Answer:
+def _mobility(usual: Linearised, here: Position) -> Answer:
     freedoms = usual.model.n - usual.rank
     if not freedoms:
         return Answer(BAD, 'mobility', 'none: it is a structure and cannot move')
     text = _count(freedoms, 'freedom')
     places = usual.model.n - usual.rank_of_positions
+    if yields(here, _dependent(here.model)):
+        places -= yielding(here)[0]
     if places != freedoms:
         text += f' of velocity, {places} of position'
     return Answer(OK, 'mobility', text)
@@ -315,10 +318,10 @@ def _mass(at: Linearised) -> Answer:
     return Answer(BAD, 'mass', f'none in {_count(count, "free direction")}: {cure}')
 
 
-def _start(scene: Scene, model: Model, q: Floats, is_known_bad: bool) -> Iterator[Answer]:
+def _start(scene: Scene, here: Position, is_known_bad: bool) -> Iterator[Answer]:
     """Whether the scene's start is one that a motion begins with, as the simulation judges it.
 
-    `model`: without drives, knowing its ordinary values; q (blocks D, m): closed.
+    `here`: of the model without drives, which knows its ordinary values.
     """
     solver = replace(scene.solver, accuracy=None, formulation='alf2')
     simulation, fault = None, None
@@ -326,7 +329,7 @@ def _start(scene: Scene, model: Model, q: Floats, is_known_bad: bool) -> Iterato
         simulation = Simulation(replace(scene, solver=solver))
     except AssemblyError as error:
         fault = error
-    here, dependent = singular_branches.position(model, q), _dependent(model)
+    dependent = _dependent(here.model)
     gained = len(here.lost) - dependent
     if simulation is not None and simulation.singular_start is not None:
         if not scene.mechanism.drives or simulation.singular_start.is_driven:
@@ -343,7 +346,7 @@ def _start(scene: Scene, model: Model, q: Floats, is_known_bad: bool) -> Iterato
         yield Answer(OK, question, 'fit the constraints')
     elif simulation.resolution.unexamined:
         yield Answer(NOTE, question, simulation.resolution.unexamined)
-    elif simulation.singular_start is not None:
+    elif simulation.singular_start is not None and not yields(here, dependent):
         yield _from_rest(here, simulation)
 
 

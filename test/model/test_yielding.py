@@ -236,6 +236,9 @@ def test_two_bars_in_line_that_hang_up_a_pendulum_are_shaky() -> None:
 
 def test_check_tells_how_many_directions_yield() -> None:
     found = examine(load_scene(hung_up(0.3, 0.0)))
-    (told,) = (a for a in found.answers if a.question == 'initial position')
+    by_question = {answer.question: answer for answer in found.answers}
+    told = by_question['initial position']
     assert found.sound and told.verdict == NOTE
     assert 'shaky wherever it goes: 1 freedom of the 2' in told.answer
+    assert by_question['mobility'].answer == '2 freedoms of velocity, 1 of position'
+    assert 'initial velocities' not in by_question  # it leaves on no branch
