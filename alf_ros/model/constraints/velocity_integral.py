@@ -48,8 +48,8 @@ def planar_angle(factor: float, d: Form) -> IntegralTerm:
 def angle_between(factor: float, parent: Axes, child: Axes) -> IntegralTerm:
     """The angle by which the child's axes x, y are turned in the parent's X, Y, of one plane.
 
-    If X and Y move it is the angle of the sum of x in X, Y and of y in Y, -X: of the gradient of x
-    alone, the part of the parent would depend on the angle.
+    If X and Y move it is the angle of a sum: of x in X, Y and of y in Y, -X. The gradient of the
+    angle of x alone is no row: its part of the parent is of more than second order.
     """
     (X, Y), (x, y) = parent, child
     cosine, sine = product('', X, x), product('', Y, x)

@@ -5,8 +5,8 @@ the axis, both from the drawing and counted over all turns. A positive pitch is 
 thread: turning right-handed about the axis goes along it.
 
 A row of second order covers one turn only, so the last row binds velocities: ṡ - l θ̇ = 0 with ṡ =
-d/dt (z · gap) and θ̇ the rate of the axes across z of the child in those of the parent. Its
-integral is s - l θ, which the kernel keeps at its value.
+d/dt (z · gap) and θ̇ the rate of the angle between the axes across z of both bodies. Its integral
+is s - l θ, which the kernel keeps at its value.
 """
 
 import math

@@ -22,10 +22,10 @@ Pair = tuple[Form, Form]
 
 
 def on_a_line(joint: Joint, layout: Layout) -> Row:
-    """d/dt (x · gap) + R (ω - ω_parent) = 0: where a wheel of radius R, with its centre at R from the
-    x axis of the parent's frame, meets it, both have the same velocity along x.
+    """d/dt (x · gap) + R (ω - ω_parent) = 0: where a wheel of radius R meets the x axis of the
+    parent's frame, both have one velocity along x.
 
-    A belt on a line of the ground may move: ṡ is its speed.
+    The centre is at R from the line. A belt on a line of the ground may move: ṡ is its speed.
     """
     base, tip = joint.frames
     x = layout.direction(joint.parent, base.axes[0])
