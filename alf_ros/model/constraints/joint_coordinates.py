@@ -17,7 +17,8 @@ from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape, direction
 from alf_ros.model.constraints.packing import of_shapes, rows_of
 from alf_ros.model.constraints.row import Row, linear, product
-from alf_ros.model.constraints.velocity_integral import Axes, rate_between
+from alf_ros.model.constraints.velocity_integral import Axes, angle_between, rate_between
+from alf_ros.model.joints import type_of
 
 
 def counted(layout: Layout) -> Rows:
@@ -45,8 +46,16 @@ def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
             for body in bodies
             for row in _turned(layout.shape(body))
         ]
+    if _in_a_sum(coordinate, layout):
+        return [*angle_between(1.0, *turning_axes(coordinate.joint, layout)).rows]
     X, Y, d = angle_axes(coordinate, layout)
     return [product('x', X, d), product('y', Y, d)]
+
+
+def _in_a_sum(coordinate: Coordinate, layout: Layout) -> bool:
+    """Whether a row of velocities keeps a sum constant that has the angle, which is counted once."""
+    bound = type_of(coordinate.joint).integral is not None
+    return bound or coordinate.name in layout.mechanism.coupled
 
 
 @remembered(1024)
