@@ -53,7 +53,7 @@ def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
 
 
 def _in_a_sum(coordinate: Coordinate, layout: Layout) -> bool:
-    """Whether a row of velocities keeps a sum constant that has the angle, which is counted once."""
+    """Whether a row of velocities keeps a sum with this angle constant: it is counted once."""
     bound = type_of(coordinate.joint).integral is not None
     return bound or coordinate.name in layout.mechanism.coupled
 
