@@ -24,7 +24,7 @@ import alf_ros.model
 from alf_ros import kernel, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Rows
-from alf_ros.mechanism import Coupling, Drive, Mechanism, Rotor
+from alf_ros.mechanism import Coupling, Drive, Mechanism, Rotor, affine
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.mechanism.time_function import TIME
@@ -34,6 +34,7 @@ from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.constraints import ball_axes, row, rows
 from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.constraints.packing import rows_of
+from alf_ros.model.constraints.velocity_integral import angle_between, rate_between
 from alf_ros.model.joints.contract import JointType
 from alf_ros.scene.mechanism_file import drives
 from alf_ros.scene.scene import scene_from_text
@@ -285,6 +286,25 @@ def test_integrals_of_rows_of_velocities(example: str) -> None:
             sizes.append(abs(term.factor * slope(x)))
         assert max(sizes) > 1e-3
         assert total == pytest.approx(slip, rel=0, abs=1e-12 * max(sizes)), one.name
+
+
+@pytest.mark.parametrize('stands', [False, True])
+@pytest.mark.parametrize('angle', [0.0, 0.7, -2.9])
+def test_rate_of_an_angle(angle: float, stands: bool) -> None:
+    """It is the gradient of the angle also where the four axes leave their plane and lengths."""
+    random = np.random.default_rng(8)
+    X, Y = np.linalg.qr(random.normal(size=(3, 3)))[0][:2]
+    x, y = np.cos(angle) * X + np.sin(angle) * Y, np.cos(angle) * Y - np.sin(angle) * X
+    q, v = np.array([x, y, X, Y]), random.normal(size=(4, 3))
+    child, parent = ((affine.of_block(n, 3), affine.of_block(n + 1, 3)) for n in (0, 2))
+    if stands:
+        parent, v[2:] = (affine.constant(tuple(X)), affine.constant(tuple(Y))), 0.0
+    rows = written(angle_between)(-0.4, parent, child).rows
+    cosine, sine = (Complex(complex(row.of(q + 1j * H * v))) for row in rows)
+    turning = _motion('', *rate_between(-0.4, parent, child)).of(q, v)
+    assert FUNCTIONS['atan2'](sine, cosine).z.real == pytest.approx(angle, abs=1e-15)
+    assert turning == pytest.approx(-0.4 * slope(FUNCTIONS['atan2'](sine, cosine)), rel=1e-13)
+    assert abs(turning) > 1e-3
 
 
 # ----------------------------------------------------------------------------------- none is left

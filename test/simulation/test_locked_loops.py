@@ -20,7 +20,6 @@ ROW = {  # of an axis z and one normal to it, x
     'universal': lambda z, x: {'axes': [z, x]},
     'weld': lambda z, x: {},
 }
-HELD = ('revolute', 'prismatic')
 
 
 class Loop:
@@ -88,7 +87,7 @@ def differing(one: Sample, other: Sample) -> float:
 
 
 R, P, S, U = 'revolute', 'prismatic', 'screw', 'universal'
-# errors would grow with rows that are gradients of their sums along rigid motions only
+# here errors grow if the rows are gradients of their sums along motions of rigid bodies only
 GROWING: list[tuple[list[str], list[int], int]] = [
     ([R, R, R], [1, 2], 75),
     ([P, R, R, R], [2, 3], 20),
