@@ -49,7 +49,8 @@ class Status(IntEnum):
     TOO_MANY = (
         6,
         'the tolerance takes more than 20000 steps within one',
-        'take a smaller step, soften the stiffest force, or take the integrator esdirk43_adaptive',
+        'take a smaller step, or slow down what turns or vibrates fastest; if a force is stiff, '
+        'take the integrator esdirk43_adaptive',
     )
     NOT_SETTLED = (
         7,

@@ -234,6 +234,11 @@ class Mechanism:
         return {each.name: each for each in self.coordinates}
 
     @cached_property
+    def coupled(self) -> frozenset[str]:
+        """Names of the coordinates that couplings bind."""
+        return frozenset(name for coupling in self.couplings for name, _ in coupling.of)
+
+    @cached_property
     def ball_angles(self) -> tuple[str, ...]:
         """Names of the angles of balls, three of each that has some. They can be read, but are no
         coordinates: near gimbal lock they jump while the bodies move smoothly."""

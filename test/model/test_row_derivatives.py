@@ -19,13 +19,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 import alf_ros.model
 from alf_ros import kernel, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Rows
-from alf_ros.mechanism import Coupling, Drive, Mechanism, Rotor
+from alf_ros.mechanism import Coupling, Drive, Mechanism, Rotor, affine
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.mechanism.time_function import TIME
@@ -35,6 +34,7 @@ from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.constraints import ball_axes, row, rows
 from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.constraints.packing import rows_of
+from alf_ros.model.constraints.velocity_integral import angle_between, rate_between
 from alf_ros.model.joints.contract import JointType
 from alf_ros.scene.mechanism_file import drives
 from alf_ros.scene.scene import scene_from_text
@@ -263,25 +263,21 @@ def test_rows_have_their_derivatives(example: str) -> None:
 
 @pytest.mark.parametrize('example', [name for name, of in EXAMPLES.items() if not of.drives])
 def test_integrals_of_rows_of_velocities(example: str) -> None:
-    """The slope of the sum of angles and lengths is the slip, along all motions that keep the rows
-    of positions: where bodies are rigid, as the mechanism is drawn."""
+    """The slope of the sum of angles and lengths is the slip, along all motions of the blocks from
+    where bodies are rigid, as the mechanism is drawn, also along those that deform bodies."""
     model = _model(example)
     found = written(integrals)(model.layout)
     of_joint = {joint.name: joint for joint in model.mechanism.joints}
     found = [one for one in found if one.name not in of_joint or not of_joint[one.name].motion]
     if not found:
         return
-    layout, rows = model.layout, model.system.rows
-    q = model.q.reshape(layout.blocks, layout.dimension)
-    motions = np.eye(model.n, model.q.size).reshape(model.n, *q.shape)
-    Phi_q = np.array([_computed(rows, q, each)[1] for each in motions]).T
-    bound = Phi_q[: rows.i.size + rows.c.size]
-    free = scipy.linalg.null_space(bound, rcond=1e-9)
-    v = np.zeros(model.q.size)
-    v[: model.n] = free @ np.random.default_rng(5).normal(size=free.shape[1])
+    q = model.q.reshape(model.layout.blocks, model.layout.dimension)
+    v = np.zeros(q.size)
+    v[: model.n] = np.random.default_rng(5).normal(size=model.n)
+    slips = _computed(model.system.rows, q, v.reshape(q.shape))[1]
     moving = q + 1j * H * v.reshape(q.shape)
     for one in found:
-        slip = Phi_q[model.row[model.row_names.index(one.name)]] @ v[: model.n]
+        slip = slips[model.row[model.row_names.index(one.name)]]
         total, sizes = 0.0, [abs(slip)]
         for term in one.terms:
             parts = [Complex(complex(each.of(moving))) for each in term.rows]
@@ -290,6 +286,25 @@ def test_integrals_of_rows_of_velocities(example: str) -> None:
             sizes.append(abs(term.factor * slope(x)))
         assert max(sizes) > 1e-3
         assert total == pytest.approx(slip, rel=0, abs=1e-12 * max(sizes)), one.name
+
+
+@pytest.mark.parametrize('stands', [False, True])
+@pytest.mark.parametrize('angle', [0.0, 0.7, -2.9])
+def test_rate_of_an_angle(angle: float, stands: bool) -> None:
+    """It is the gradient of the angle also where the four axes leave their plane and lengths."""
+    random = np.random.default_rng(8)
+    X, Y = np.linalg.qr(random.normal(size=(3, 3)))[0][:2]
+    x, y = np.cos(angle) * X + np.sin(angle) * Y, np.cos(angle) * Y - np.sin(angle) * X
+    q, v = np.array([x, y, X, Y]), random.normal(size=(4, 3))
+    child, parent = ((affine.of_block(n, 3), affine.of_block(n + 1, 3)) for n in (0, 2))
+    if stands:
+        parent, v[2:] = (affine.constant(tuple(X)), affine.constant(tuple(Y))), 0.0
+    rows = written(angle_between)(-0.4, parent, child).rows
+    cosine, sine = (Complex(complex(row.of(q + 1j * H * v))) for row in rows)
+    turning = _motion('', *rate_between(-0.4, parent, child)).of(q, v)
+    assert FUNCTIONS['atan2'](sine, cosine).z.real == pytest.approx(angle, abs=1e-15)
+    assert turning == pytest.approx(-0.4 * slope(FUNCTIONS['atan2'](sine, cosine)), rel=1e-13)
+    assert abs(turning) > 1e-3
 
 
 # ----------------------------------------------------------------------------------- none is left

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from alf_ros.mechanism import Coordinate, Coupling
 from alf_ros.mechanism.natural_coordinates import Layout
-from alf_ros.model.constraints.joint_coordinates import angle_axes, length_row, rate
+from alf_ros.model.constraints.joint_coordinates import length_row, rate, turning_axes
 from alf_ros.model.constraints.row import Row, motion
 from alf_ros.model.constraints.velocity_integral import IntegralTerm, angle_between
 
@@ -47,4 +47,4 @@ def integral(coupling: Coupling, layout: Layout) -> list[IntegralTerm]:
 def _term(coordinate: Coordinate, factor: float, layout: Layout) -> IntegralTerm:
     if not coordinate.is_angle:
         return IntegralTerm(factor, (length_row(coordinate.joint, layout),))
-    return angle_between(factor, *angle_axes(coordinate, layout))
+    return angle_between(factor, *turning_axes(coordinate.joint, layout))

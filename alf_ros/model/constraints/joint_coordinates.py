@@ -11,12 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel import Rows
-from alf_ros.mechanism import GROUND, Coordinate, Joint, affine
+from alf_ros.mechanism import Coordinate, Joint, affine
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape, direction
 from alf_ros.model.constraints.packing import of_shapes, rows_of
 from alf_ros.model.constraints.row import Row, linear, product
+from alf_ros.model.constraints.velocity_integral import Axes, angle_between, rate_between
+from alf_ros.model.joints import type_of
 
 
 def counted(layout: Layout) -> Rows:
@@ -44,8 +46,16 @@ def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
             for body in bodies
             for row in _turned(layout.shape(body))
         ]
+    if _in_a_sum(coordinate, layout):
+        return [*angle_between(1.0, *turning_axes(coordinate.joint, layout)).rows]
     X, Y, d = angle_axes(coordinate, layout)
     return [product('x', X, d), product('y', Y, d)]
+
+
+def _in_a_sum(coordinate: Coordinate, layout: Layout) -> bool:
+    """Whether a row of velocities keeps a sum with this angle constant: it is counted once."""
+    bound = type_of(coordinate.joint).integral is not None
+    return bound or coordinate.name in layout.mechanism.coupled
 
 
 @remembered(1024)
@@ -70,8 +80,21 @@ def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form
         if coordinate.freedom.on_child:  # about the child's x
             return child[2], child[1], parent[2]
         return parent[0], parent[1], child[0]
-    X, Y = (layout.direction(joint.parent, axis) for axis in ((1.0, 0.0), (0.0, 1.0)))
-    return X, Y, layout.direction(joint.child, (1.0, 0.0))
+    (X, Y), (d, _) = turning_axes(joint, layout)
+    return X, Y, d
+
+
+def turning_axes(joint: Joint, layout: Layout) -> tuple[Axes, Axes]:
+    """Axes of the parent and of the child that turn against each other in one plane, if the joint
+    has one angle."""
+    if layout.dimension == 3:
+        parent, child = ((x, y) for x, y, _ in _axes(joint, layout))
+        return parent, child
+    parent, child = (
+        (layout.direction(body, (1.0, 0.0)), layout.direction(body, (0.0, 1.0)))
+        for body in (joint.parent, joint.child)
+    )
+    return parent, child
 
 
 def length_row(joint: Joint, layout: Layout) -> Row:
@@ -88,8 +111,8 @@ def rate(coordinate: Coordinate, unit: float, layout: Layout) -> list[tuple[Form
     Raises ValueError for one of two angles: it depends on the other.
     """
     joint = coordinate.joint
-    (base, tip), D = joint.frames, layout.dimension
     if not coordinate.is_angle:
+        (base, tip), D = joint.frames, layout.dimension
         axis = layout.direction(joint.parent, base.axes[0 if D == 2 else 2])
         gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
         return [(axis.times(unit), gap), (gap.times(unit), axis)]
@@ -97,9 +120,4 @@ def rate(coordinate: Coordinate, unit: float, layout: Layout) -> list[tuple[Form
         raise ValueError(
             f'{coordinate.name!r} is one of two angles: neither rotor nor coupling takes it'
         )
-    pairs = []
-    for body, frame, sign in ((joint.child, tip, unit), (joint.parent, base, -unit)):
-        if body != GROUND:  # about the axis that the joint does not move: ω = u̇_x · u_y
-            x, y = (layout.direction(body, axis) for axis in frame.axes[:2])
-            pairs.append((y.times(sign), x))
-    return pairs
+    return rate_between(unit, *turning_axes(joint, layout))

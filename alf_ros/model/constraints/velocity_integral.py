@@ -3,6 +3,10 @@
 Gears, racks, threads, wheels on a line of the plane and couplings have rows of velocities, because
 a row of second order has the sine and cosine of an angle, and not the angle with its turns. Such
 a row is the derivative of a sum, Σ a_n x_n, of angles that are counted and of lengths.
+
+Where the bodies are rigid the row is the gradient of the sum in all directions, also in those in
+which bodies deform. Else a correction with the row and the Φ of the sum is no Newton step: rows
+that depend on others would make rounding grow from step to step.
 """
 
 from __future__ import annotations
@@ -15,7 +19,9 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.mechanism.affine import Form
-from alf_ros.model.constraints.row import Row, linear, product, value
+from alf_ros.model.constraints.row import Row, linear, plus, product, scaled, value
+
+Axes = tuple[Form, Form]  # x and y of a body, perpendicular, of unit length
 
 
 class IntegralTerm(NamedTuple):
@@ -39,9 +45,32 @@ def planar_angle(factor: float, d: Form) -> IntegralTerm:
     return IntegralTerm(factor, (x, y))
 
 
-def angle_between(factor: float, X: Form, Y: Form, d: Form) -> IntegralTerm:
-    """The angle of d in axes X, Y of unit length."""
-    return IntegralTerm(factor, (product('', X, d), product('', Y, d)))
+def angle_between(factor: float, parent: Axes, child: Axes) -> IntegralTerm:
+    """The angle by which the child's axes x, y are turned in the parent's X, Y, of one plane.
+
+    If X and Y move it is the angle of a sum: of x in X, Y and of y in Y, -X. The gradient of the
+    angle of x alone is no row: its part of the parent is of more than second order.
+    """
+    (X, Y), (x, y) = parent, child
+    cosine, sine = product('', X, x), product('', Y, x)
+    if _moves(parent):
+        cosine = plus('', cosine, product('', Y, y))
+        sine = plus('', sine, scaled(-1.0, product('', X, y)))
+    return IntegralTerm(factor, (cosine, sine))
+
+
+def rate_between(factor: float, parent: Axes, child: Axes) -> list[tuple[Form, Form]]:
+    """Pairs of forms whose Σ f · ġ is the rate of `angle_between`: its gradient."""
+    (X, Y), (x, y) = parent, child
+    if not _moves(parent):
+        return [(y.times(factor), x)]
+    half = 0.5 * factor
+    turned = [(y.times(half), x), (x.times(-half), y)]
+    return [*turned, (Y.times(-half), X), (X.times(half), Y)]
+
+
+def _moves(axes: Axes) -> bool:
+    return any(axis.parts for axis in axes)
 
 
 def slip_of(terms: Sequence[IntegralTerm], before: Floats, after: Floats) -> float:

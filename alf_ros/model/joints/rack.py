@@ -1,7 +1,7 @@
 """`rack`: a wheel with teeth on a straight line of its parent, which may move.
 
-x · (v - v_line) + R ω = 0: a row of velocities with an integral, if other joints keep the centre
-at the distance R from the line.
+d/dt (x · gap) + R (ω - ω_line) = 0, gap from the line to the centre: a row of velocities with an
+integral. Other joints keep the centre at the distance R from the line.
 """
 
 import numpy as np

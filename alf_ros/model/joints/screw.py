@@ -5,17 +5,22 @@ the axis, both from the drawing and counted over all turns. A positive pitch is 
 thread: turning right-handed about the axis goes along it.
 
 A row of second order covers one turn only, so the last row binds velocities: ṡ - l θ̇ = 0 with ṡ =
-d/dt (z · gap) and θ̇ = u̇_x · u_y of the child minus the rate of the parent, u_x and u_y their
-axes across z. Its integral is s - l θ, which the kernel keeps at its value.
+d/dt (z · gap) and θ̇ the rate of the angle between the axes across z of both bodies. Its integral
+is s - l θ, which the kernel keeps at its value.
 """
 
 import math
 
 import numpy as np
 
-from alf_ros.mechanism import GROUND, Joint
+from alf_ros.mechanism import Joint
 from alf_ros.model.constraints.row import Row, motion, product
-from alf_ros.model.constraints.velocity_integral import IntegralTerm, angle_between
+from alf_ros.model.constraints.velocity_integral import (
+    Axes,
+    IntegralTerm,
+    angle_between,
+    rate_between,
+)
 from alf_ros.model.joints.contract import (
     ANGLE,
     AT,
@@ -41,18 +46,20 @@ def _read(given: Given) -> Joint:
 
 
 def _rows(frames: Frames) -> list[Row]:
-    joint, z, lead = frames.joint, frames.axis(0, 2), frames.joint.value
-    pairs = [(z, frames.gap), (frames.gap, z)]
-    for side, body, factor in ((1, joint.child, -lead), (0, joint.parent, lead)):
-        if body != GROUND:
-            pairs.append((frames.axis(side, 1).times(factor), frames.axis(side, 0)))
-    return [*frames.aside(), *frames.parallel(), motion(joint.name, *pairs)]
+    z, turning = frames.axis(0, 2), rate_between(-frames.joint.value, *_turning(frames))
+    along = (z, frames.gap), (frames.gap, z)
+    return [*frames.aside(), *frames.parallel(), motion(frames.joint.name, *along, *turning)]
 
 
 def _integral(frames: Frames) -> list[IntegralTerm]:
-    x, y, z = (frames.axis(0, n) for n in range(3))
-    turned = angle_between(-frames.joint.value, x, y, frames.axis(1, 0))
-    return [IntegralTerm(1.0, (product('', z, frames.gap),)), turned]
+    along = IntegralTerm(1.0, (product('', frames.axis(0, 2), frames.gap),))
+    return [along, angle_between(-frames.joint.value, *_turning(frames))]
+
+
+def _turning(frames: Frames) -> tuple[Axes, Axes]:
+    """The axes across z, of the parent and of the child."""
+    parent, child = ((frames.axis(side, 0), frames.axis(side, 1)) for side in (0, 1))
+    return parent, child
 
 
 def _draw(pen: Pen) -> None:

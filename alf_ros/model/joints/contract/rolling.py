@@ -22,14 +22,17 @@ Pair = tuple[Form, Form]
 
 
 def on_a_line(joint: Joint, layout: Layout) -> Row:
-    """x · (v - v_line) + R ω = 0 where a wheel of radius R meets the x axis of the parent's frame.
+    """d/dt (x · gap) + R (ω - ω_parent) = 0: where a wheel of radius R meets the x axis of the
+    parent's frame, both have one velocity along x.
 
-    The line may move, with one velocity along x. A belt on it may move too: ṡ is its speed.
+    The centre is at R from the line. A belt on a line of the ground may move: ṡ is its speed.
     """
     base, tip = joint.frames
     x = layout.direction(joint.parent, base.axes[0])
     gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
     pairs = [(x, gap), _spin(joint.child, joint.value, layout)]
+    if joint.parent != GROUND:
+        pairs += [(gap, x), _spin(joint.parent, -joint.value, layout)]
     if joint.motion:
         s = affine.of_block(layout.of_prescribed[joint.name], 2)
         pairs.append((affine.constant((-1.0, 0.0)), s))
