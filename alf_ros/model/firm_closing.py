@@ -15,46 +15,47 @@ from alf_ros.model.rank import effective_rank
 # one after the other: what the first ones leave is too near for the last ones to overshoot; they
 # feel σ, which is about v, down to 1e-7, where rows open by no more than rounding
 _PENALTIES = 1e12, 1e13, 1e14, 1e15
-_SOFT = 1e14  # penalty that tells σ above 1e-7
+_SOFT, _FIRM = 1e14, 1e6  # penalties that tell σ above 1e-7, and above 1e-3
 _LOOKED_AT = 32  # places, at most
 _NEAR = 0.05  # of the way to a place, within which it closes
-_MOST = 0.5  # of the places that are open
+_ENOUGH = 0.25  # of the places that are open
 
 
 def lie_beside(walk: Walk, q: Floats, places: list[Floats]) -> bool:
-    """Whether most of the open places of a walk from q (blocks D, m) lie so: rows close near by,
-    where as many depend on others.
+    """Whether enough of the open places of a walk from q (blocks D, m) lie so: rows close near by.
 
-    Where lengths contradict each other nothing near by closes, or only where fewer rows depend on
-    others.
+    Where lengths contradict each other by e nothing near by closes, or only at v of about √e, with
+    a row as soft as that.
     """
     open_ = [place for place in places if walk.excess([place]) > EXACT]
     some = open_[:: 1 + len(open_) // _LOOKED_AT]
     closes = _Closing(walk)
-    return sum(closes(place, _NEAR * np.abs(place - q).max()) for place in some) > _MOST * len(
-        some
-    )
+    count = sum(closes(place, _NEAR * np.abs(place - q).max()) for place in some)
+    return count > _ENOUGH * len(some)
 
 
 class _Closing:
     """Closes places with firmer and firmer penalties."""
 
     def __init__(self, walk: Walk) -> None:
-        self._walk, self._soft = walk, walk.model.with_penalty(_SOFT)
+        self._walk = walk
+        self._telling = [walk.model.with_penalty(penalty) for penalty in (_SOFT, _FIRM)]
         self._models = [walk.model.with_penalty(penalty) for penalty in _PENALTIES]
         self._work = allocate(walk.model, walk.model.system, 0)
         self._phi, self._gap = np.empty((2, len(walk.model.row_names)))
 
     def __call__(self, place: Floats, near: float) -> bool:
-        """Whether rows close within a distance `near` (m) of a place (blocks D, m), and no more
-        are independent there than elsewhere."""
-        work, walk, soft = self._work, self._walk, self._soft
+        """Whether rows close within a distance `near` (m) of a place (blocks D, m), and none is
+        soft there."""
+        work = self._work
         work.q[:] = place
         for model in self._models:
             settle(model.unit, model.system, work, 0.0, work.q.copy(), self._phi, self._gap)
-        if np.abs(work.q - place).max() > near or walk.excess([work.q]) > EXACT:
+        if np.abs(work.q - place).max() > near or self._walk.excess([work.q]) > EXACT:
             return False
-        if not kernel.linearise(soft.unit, soft.system, work, work.q):
-            return False
-        gained = effective_rank(soft, work) - (len(soft.row_names) - walk.dependent_rows)
-        return bool(gained < 0.5)
+        ranks = []
+        for model in self._telling:
+            if not kernel.linearise(model.unit, model.system, work, work.q):
+                return False
+            ranks.append(effective_rank(model, work))
+        return ranks[0] - ranks[1] < 0.5

@@ -116,6 +116,77 @@ def test_a_plate_on_parallel_rods_swings(
             assert after[name] - before[name] == pytest.approx(moved, abs=1e-10)
 
 
+def hung_below(feet: str) -> dict[str, Any]:
+    """The same, with a second plate on rods below the first one."""
+    scene = plate(feet, 'lean')
+    mechanism, rod = scene['mechanism'], LENGTH * np.array([0.0, -0.6, -0.8])
+    points, bodies, joints = (mechanism[key] for key in ('points', 'bodies', 'joints'))
+    for name in [name for name in points if not name.startswith('A')]:
+        points[f'{name}low'] = {'at': (np.array(points[name]['at']) + rod).tolist()}
+    for k in range(len(FEET[feet])):
+        bodies[f'low{k}'] = {**bodies[f'rod{k}'], 'points': [f'B{k}', f'B{k}low']}
+        ball = {'type': 'spherical'}
+        joints[f'low_foot{k}'] = {**ball, 'between': ['plate', f'low{k}'], 'at': f'B{k}'}
+        joints[f'low_head{k}'] = {**ball, 'between': [f'low{k}', 'below'], 'at': f'B{k}low'}
+    bodies['below'] = {
+        **bodies['plate'],
+        'points': [f'{name}low' for name in bodies['plate']['points']],
+    }
+    velocities = scene['initial']['velocities']
+    velocities |= {f'{name}low': [0.7, -0.1, 0.0] for name in velocities}
+    return scene
+
+
+def two_bobs(feet: str) -> dict[str, Any]:
+    """A double pendulum of as much mass."""
+    rods = {'mass': ROD * len(FEET[feet]), 'inertia': 'rod'}
+    bob = {'mass': PLATE, 'inertia': {'about_com': [0.1, 0.1, 0.1]}}
+    places = LENGTH * np.cumsum([[0.0, 0.0, 0.0], [0.6, 0.0, -0.8], [0.0, -0.6, -0.8]], axis=0)
+    between = {
+        'top': ('ground', 'upper', 'P0'),
+        'middle': ('upper', 'lower', 'P1'),
+        'first': ('upper', 'plate', 'P1'),
+        'second': ('lower', 'below', 'P2'),
+    }
+    mechanism = {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {
+            f'P{k}': {'at': place.tolist(), 'fixed': not k} for k, place in enumerate(places)
+        },
+        'bodies': {
+            'upper': {'points': ['P0', 'P1'], **rods},
+            'lower': {'points': ['P1', 'P2'], **rods},
+            'plate': {'points': ['P1'], **bob},
+            'below': {'points': ['P2'], **bob},
+        },
+        'joints': {
+            name: {'type': 'spherical', 'between': [one, other], 'at': at}
+            for name, (one, other, at) in between.items()
+        },
+    }
+    return {
+        'mechanism': mechanism,
+        'effects': {'gravity': {'acceleration': [0.0, 0.0, -G]}},
+        'initial': {'velocities': {'P1': WAYS['lean'][1], 'P2': [0.7, -0.1, 0.0]}},
+    }
+
+
+@pytest.mark.parametrize('feet', thinned(FEET, ['square', 'five']))
+def test_a_plate_below_a_plate_swings_as_a_double_pendulum(feet: str) -> None:
+    plates, bobs = (
+        Simulation(load_scene(each(feet)), step=1e-3) for each in (hung_below, two_bobs)
+    )
+    start = plates.sample().points
+    for sim in (plates, bobs):
+        sim.step(500)
+    now, other = plates.sample().points, bobs.sample().points
+    first = LENGTH * np.array([0.6, 0.0, -0.8])
+    assert now['B1'] - start['B1'] == pytest.approx(other['P1'] - first, abs=1e-12)
+    second = first + LENGTH * np.array([0.0, -0.6, -0.8])
+    assert now['B1low'] - start['B1low'] == pytest.approx(other['P2'] - second, abs=1e-12)
+
+
 @pytest.mark.parametrize('integrator', STEPS)
 def test_a_plate_that_hangs_at_rest_stays(integrator: str) -> None:
     """Accelerations of 1e-16 m/s² were followed as if they had a direction."""
