@@ -234,7 +234,7 @@ def test_a_moment_about_the_rods_is_refused_by_name(way: str, later: bool) -> No
         sim.step(100)
 
 
-@pytest.mark.parametrize('error', thinned([1e-4, 1e-6, 1e-8, 1e-10, 1e-12], [1e-6, 1e-10]))
+@pytest.mark.parametrize('error', thinned([1e-4, 1e-6, 1e-8, 1e-10], [1e-6, 1e-10]))
 @pytest.mark.parametrize(('feet', 'way'), thinned(CASES, keep=[('four', 'down')]))
 def test_a_rod_of_another_length_is_refused(feet: str, way: str, error: float) -> None:
     scene = plate(feet, way)
