@@ -30,8 +30,8 @@ from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
+from alf_ros.kernel.scales import scales_of
 from alf_ros.kernel.status import NO_ROOM, OK, UNFOLLOWED
-from alf_ros.kernel.step import scales_of
 from alf_ros.kernel.step_tape import (
     BEGIN,
     END,
@@ -76,7 +76,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
     result, x = evaluate_begin(problem, phase, t, tangents.lam)
     if result != OK:
         return result
-    scales = scales_of(problem.system, work, phase)
+    scales = scales_of(problem.system, work, phase, False)
     store_stage(adjoint.tape, tangents, ZERO, REGULAR)
     zero(adjoint.start)
     zero(rates)

@@ -54,6 +54,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, ZERO, compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.scales import scales_of
 from alf_ros.kernel.singularity_monitor import is_watched, may_have_passed
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import (
@@ -75,7 +76,6 @@ from alf_ros.kernel.step import (
     note_leap,
     restore_grid_point,
     save_grid_point,
-    scales_of,
     stands,
     still_within,
     store_angles,
@@ -206,7 +206,7 @@ def _step(
     curve_path(problem)
     sigma = min(sigma, felt)
     x, result = sigma / system.ordinary, OK
-    scales = scales_of(system, work, phase)
+    scales = scales_of(system, work, phase, False)
     if x <= scales.close:
         copy(q, work.base)
         copy(qd, work.qd)
@@ -219,7 +219,7 @@ def _step(
     for i in range(n):
         rates[i] = qd[i]
         rates[n + i] = work.qdd[i]
-    within = sigma == 0.0 and stands(system, phase, n, scales)
+    within = sigma == 0.0 and stands(system, work, phase, scales)
     near, rate, gamma = x < np.inf, 1.0, 0.0
     suspect = near
     for s in range(ONE, stages):

@@ -32,8 +32,8 @@ from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import Lanes
 from alf_ros.kernel.numba_ext.vectors import copy, zero
+from alf_ros.kernel.scales import scales_of
 from alf_ros.kernel.status import OK, UNFOLLOWED
-from alf_ros.kernel.step import scales_of
 from alf_ros.kernel.tangent_axes import accept_tangents, read_tangents
 from alf_ros.kernel.tangent_lane_solve import FINISH, LEAVE
 from alf_ros.kernel.tangent_solves import (
@@ -96,7 +96,7 @@ def _carry(tangents: Tangents, problem: Problem, phase: Phase) -> int:
     result, x = evaluate_begin(own, phase, t, tangents.lam)
     if result != OK:
         return result
-    scales = scales_of(system, work, phase)
+    scales = scales_of(system, work, phase, False)
     copy(tangents.first_q, tangents.q)
     copy(tangents.first_qd, tangents.qd)
     for k in range(tangents.groups):

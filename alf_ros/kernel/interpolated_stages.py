@@ -36,6 +36,7 @@ from alf_ros.kernel.numba_ext.jit import TWO, inner
 from alf_ros.kernel.numba_ext.vectors import copy, copy_first, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import correct_at_last, opening_twofold
+from alf_ros.kernel.scales import scales_of
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import JAMMED, NOT_CLOSED, OK
 from alf_ros.kernel.support_places import (
@@ -223,7 +224,8 @@ def _find(
     work = problem.work
     if rests_apart(problem.system, work.base):
         copy(work.along, work.sum)
-        count, found = _find_along(problem, phase, t, moved, scales, ending, True)
+        own = scales_of(problem.system, work, phase, True)
+        count, found = _find_along(problem, phase, t, moved, own, ending, True)
         if count > 0:
             return count, found
         copy(work.sum, work.along)  # what else moves is beside a singular position of its own

@@ -15,8 +15,9 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.scales import scales_of
 from alf_ros.kernel.slip import begin_slips
-from alf_ros.kernel.step import curve_path, evaluate_first, scales_of
+from alf_ros.kernel.step import curve_path, evaluate_first
 
 # Forces are read here, and where all that moves is driven they are off by rounding over x⁴: the
 # support positions are four times as far away as for a stage.
@@ -43,15 +44,16 @@ def find_places(problem: Problem, phase: Phase, t: float, part: float) -> bool:
     if count < 0:
         return False
     curve_path(problem)
-    scales = scales_of(system, work, phase)
+    scales = scales_of(system, work, phase, False)
     copy(phase.q, work.base)
     copy(phase.qd, work.along)
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.p)  # (30), σ = 0
     s = np.uint64(0)
     apart = part * _APART * system.close * scales.radius
-    speed = speed_of(system, rests_apart(system, phase.q), phase.qd, work.p.size)
-    if not (system.prescribed.program.size or speed > 0.0):
+    rests = rests_apart(system, phase.q)  # which no drive holds
+    speed = speed_of(system, rests, phase.qd, work.p.size)
+    if not speed > 0.0 and (rests or not system.prescribed.program.size):
         apart = 0.0  # the radius is not known from rest: as near as those of a stage
     count = evaluate_interpolated(problem, phase, t, s, apart, scales)
     return count > 0 and work.places[0] < np.inf

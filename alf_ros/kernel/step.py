@@ -68,6 +68,7 @@ from alf_ros.kernel.numba_ext.vectors import (
 )
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import project
+from alf_ros.kernel.scales import scales_of
 from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, OK
@@ -110,21 +111,6 @@ def curve_path(problem: Problem) -> None:
     begin_accelerations(unit, system, work, work.p)
     until = Until(np.int64(problem.method.iterations), 1e-3, 1.0)
     iterate(unit, system, work, work.p, work.bend, until)  # (26) with Q = 0
-
-
-@inner
-def scales_of(system: System, work: Work, phase: Phase) -> Scales:
-    """Scales of the nearness to a singular position in the step that begins at `phase`."""
-    n = work.p.size
-    fastest, hardest = largest(phase.qd, n), largest(work.pull, n)
-    bend = largest(work.bend, n)
-    radius, close = system.size, system.close
-    if fastest * fastest < radius * bend:
-        radius = fastest * fastest / bend
-    # rounding acts as v² / x³: slow motions may come closer
-    if fastest * fastest < radius * hardest:
-        close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
-    return Scales(radius, close, np.sqrt(hardest * system.size))
 
 
 @inner
@@ -241,14 +227,16 @@ def still_within(system: System, work: Work, phase: Phase, scales: Scales) -> bo
     rounding may hide a row that has no direction there, or take another one for such a row."""
     apart = rests_apart(system, phase.q)
     way = way_of(system, apart, work.target, phase.q, work.p.size)
-    return way < system.close * scales.radius
+    own = scales_of(system, work, phase, True) if apart else scales
+    return way < system.close * own.radius
 
 
 @inner
-def stands(system: System, phase: Phase, n: np.uint64, scales: Scales) -> bool:
+def stands(system: System, work: Work, phase: Phase, scales: Scales) -> bool:
     """Whether what may rest in a singular position is too slow to have a direction."""
     apart = rests_apart(system, phase.q)
-    return not speed_of(system, apart, phase.qd, n) > SLOW * scales.falling
+    own = scales_of(system, work, phase, True) if apart else scales
+    return not speed_of(system, apart, phase.qd, work.p.size) > SLOW * own.falling
 
 
 @expanded
@@ -279,14 +267,14 @@ def step(
         tell(problem, phase, FIRST_STAGE, 0, t, felt)
         curve_path(problem)
         sigma = min(sigma, felt)
-    scales = scales_of(system, work, phase)
+    scales = scales_of(system, work, phase, False)
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     if begun:
         fold_first(unit, system, work, phase)
     begin_interval(problem, t, end, h)
     tell(problem, phase, BEGIN_STEP, int(begun), t, sigma)
     nearest = np.inf
-    within = sigma == 0.0 and stands(system, phase, work.p.size, scales)
+    within = sigma == 0.0 and stands(system, work, phase, scales)
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)

@@ -42,9 +42,10 @@ from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, by_address, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.scales import scales_of
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
-from alf_ros.kernel.step import add_up, curve_path, evaluate_first, scales_of, store_angles
+from alf_ros.kernel.step import add_up, curve_path, evaluate_first, store_angles
 from alf_ros.kernel.step_tape import (
     PROJECTED,
     REGULAR,
@@ -157,7 +158,7 @@ def carry_again(
     store_multipliers(tangents.lam, work.y)
     curve_path(problem)
     x = min(sigma, felt) / system.ordinary
-    scales = scales_of(system, work, phase)
+    scales = scales_of(system, work, phase, False)
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     begin_tangents(tangents, problem, phase, near)
     stages = method.b.size

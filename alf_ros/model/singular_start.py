@@ -117,10 +117,22 @@ def departing(model: Model, here: Position | None) -> Model:
     return model.departing(here.q, [branch.directions for branch in here.branches])
 
 
-def leaving_apart(model: Model, q: Floats, qd: Floats, dependent: int) -> Model:
-    """The model that moves with q̇ (blocks D, m/s) at q (blocks D, m), knowing how parts that rest
-    there in a singular position leave it; as it was if there are none, if rows connect them with
-    what moves, and if drives hold them."""
+def leaving(model: Model, q: Floats, qd: Floats, dependent: int) -> Model:
+    """The model that starts with q̇ (blocks D, m/s) at q (blocks D, m), in a singular position or
+    beside it, knowing how what rests there may leave; as it was where that is not known.
+
+    `dependent`: rows that depend on others in ordinary positions.
+    """
+    if qd.any() or model.mechanism.prescribed:  # drives may begin at rest, and move other parts
+        found = _leaving_apart(model, q, qd, dependent)
+        if qd.any() or found is not model:
+            return found
+    return departing(model, resting(model, q, dependent))
+
+
+def _leaving_apart(model: Model, q: Floats, qd: Floats, dependent: int) -> Model:
+    """The same of parts that rest while others move; as it was if there are none, if rows connect
+    them with what moves, and if drives hold them."""
     here = _examined(model, q, dependent, 0.0)
     if here is None:
         return model
@@ -297,13 +309,26 @@ def _check_setting_off(here: Position) -> None:
     """
     qdd, _ = _accelerated(here.model, here.q, np.zeros_like(here.q), here.t)
     going = replace(here, drift=qdd, pushed=np.zeros_like(here.pushed))
-    if here.can_begin(np.zeros_like(here.q)) and len(going.branches) != 1:
+    if here.can_begin(np.zeros_like(here.q)) and not _sets_off_one_way(going):
         where = f': {going.described()} m/s²' if going.branches else ''
         raise AssemblyError(
             'drives begin at rest in a singular position, and accelerate: the motion that begins '
             f'is not unique{where}; let them begin with a speed, or elsewhere',
             key='drives',
         )
+
+
+def _sets_off_one_way(going: Position) -> bool:
+    """Whether drives start a mechanism from rest on one branch, but for parts that no row connects
+    with them."""
+    branches = going.branches
+    if len(branches) <= 1:
+        return bool(branches)
+    least = SAME * np.abs(going.drift).max()
+    if any(np.abs(each.drift - branches[0].drift).max() > least for each in branches):
+        return False
+    differing = _where_they_differ([each.directions for each in branches])
+    return not _is_driven(going.model, _of_parts(going.model, differing))
 
 
 def _freedoms_left(here: Position, given: Given) -> int:

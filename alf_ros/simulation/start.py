@@ -87,11 +87,8 @@ def started(scene: Scene, solver: Solver) -> Start:
             error.message, file=scene.file, key=error.key, expected=error.expected
         ) from None
     model = at.model
-    if (singular is not None or at.near) and not qd.any():
-        here = singular_start.resting(model, at.q, at.dependent_rows)
-        model = singular_start.departing(model, here)
-    elif (singular is not None or at.near) and qd.any():
-        model = singular_start.leaving_apart(model, at.q, qd, at.dependent_rows)
+    if singular is not None or at.near:
+        model = singular_start.leaving(model, at.q, qd, at.dependent_rows)
     return Start(model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment)
 
 

@@ -338,6 +338,36 @@ def test_a_flat_loop_beside_a_swing_leaves_as_it_does_alone(integrator: str) -> 
     assert beside.sample().energy == pytest.approx(32.0 / 3.0 - 4.905, abs=1e-8)
 
 
+@pytest.mark.parametrize(
+    ('motion', 'integrator'),
+    combined(
+        [
+            '-pi/2 + 0.5*t**2',
+            '-pi/2 + t**3',
+            '-pi/2 + 0.3*(1 - cos(9*t))',
+            {'table': [[0.0, -math.pi / 2.0], [0.05, -1.4], [0.1, -1.5]]},
+        ],
+        ['rk4', 'dop853', 'dop853_adaptive', 'esdirk43'],
+    ),
+)
+def test_a_flat_loop_beside_a_drive_that_begins_at_rest_leaves_as_it_does_alone(
+    motion: Any, integrator: str
+) -> None:
+    """It was refused, at the start or at the first step: the radius of the path of all, which the
+    acceleration of the drive made zero, was taken for its own."""
+    mechanism = yaml.safe_load(BESIDE)
+    drive = {'sway': {'joint': 'p', 'angle': motion}}
+    alone = Simulation(scene(mechanism, {}), integrator=integrator)
+    beside = Simulation(scene(mechanism, {}, drives=drive), integrator=integrator)
+    assert beside.sample().qdd[:4] == pytest.approx(alone.sample().qdd[:4], abs=1e-9)
+    for steps in (1, 5, 94):
+        alone.step(steps)
+        beside.step(steps)
+        for point in 'AB':
+            there = alone.sample().points[point]
+            assert beside.sample().points[point] == pytest.approx(there, abs=1e-11)
+
+
 def test_a_flat_loop_on_a_body_that_swings_is_named() -> None:
     """How a loop leaves that is carried along is not told by forces alone."""
     mechanism = yaml.safe_load(BESIDE)
