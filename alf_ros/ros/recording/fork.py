@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,7 @@ def fork(
     resumed.rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
     end = log.end if duration is None else start + duration
     if end * 1e9 + log.ahead > LAST:
-        most = f'at most {(LAST - log.ahead) * 1e-9 - start:.9g} s'
+        most = f'at most {math.floor((LAST - log.ahead) * 1e-9 - start)} s'
         raise InputError(ENDS, key='--duration', value=duration, expected=most)
     if 'step' in changed:
         _check_steps(resumed.rest, simulation.h, end)
