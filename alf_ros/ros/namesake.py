@@ -32,8 +32,8 @@ class Namesake:
     """
 
     def __init__(self, node: Node, reports: str, named: str) -> None:
-        """reports: topic of the diagnostics; named: how the statuses of the node begin: no other name
-        has the same text."""
+        """reports: topic of the diagnostics; named: how the statuses of the node begin: no other
+        name has the same text."""
         started = datetime.now(timezone.utc).isoformat(timespec='milliseconds')
         self.process = f'{os.getpid()} on {platform.node()}, started {started}'
         self._node, self._reports, self._named = node, reports, named

@@ -1,6 +1,5 @@
 """Simulators in namespaces, and with topics of other names."""
 
-import signal
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray

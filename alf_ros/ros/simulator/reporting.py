@@ -143,9 +143,7 @@ class Reporting:
                 self._spent,
                 self._outputs.lagging,
             ),
-            diagnostics.commands(
-                self._control.inputs, self._namesake.process, self._twice
-            ),
+            diagnostics.commands(self._control.inputs, self._namesake.process, self._twice),
             diagnostics.trajectory(self._control.inputs.tracking),
             diagnostics.record(run.recorder, run.unrecorded, self._spent, 1.0 / run.setup.tick),
         ]
