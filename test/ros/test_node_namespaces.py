@@ -1,6 +1,5 @@
 """Simulators in namespaces, and with topics of other names."""
 
-
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
