@@ -256,6 +256,7 @@ def test_raw_bytes_are_those_of_the_log(peer, log):
         (['--start', '7'], '--start: bad value'),
         (['--rate', '-1'], 'rate'),
         (['--what'], '--what'),
+        (['--trust'], '--trust: has no meaning without --redrive'),
         (['--ros-args', '-p', 'rat:=0.5'], "'rat'; did you mean 'rate'"),
     ],
 )

@@ -92,8 +92,8 @@ class Replay(Node):
         self._items: Iterator[StampedMessage] = items
         self._stamp = stamp
         self._told = 0  # the last stamp on the clock
-        self._since = self._pass = time.monotonic()
-        self._from = stamp
+        self._since, self._from = time.monotonic(), stamp
+        self._pass: float | None = None  # s, when the pass from here on began
 
     def _now(self) -> int:
         """The stamp up to which messages are due."""
@@ -114,6 +114,8 @@ class Replay(Node):
         """Publish the messages that are due. Returns the time (s) until the next one is."""
         if self.paused or self.finished.done():
             return LOOK_PERIOD
+        if self._pass is None:
+            self._pass = time.monotonic()
         now = self._now()
         try:
             for _ in range(_MOST):
