@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from alf_ros import paths
-from alf_ros.commands.parser import Parser
+from alf_ros.commands.parser import Parser, refuse_given
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load, tables
@@ -42,15 +42,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--speed',
         metavar='X',
         type=float,
-        default=1.0,
         help='simulated seconds per second of the moving picture (default: 1)',
     )
     options = parser.parse_args(argv)
-    if options.speed <= 0.0:
+    speed = 1.0 if options.speed is None else options.speed
+    if speed <= 0.0:
         raise InputError(
-            'no speed', key='--speed', value=f'{options.speed:g}', expected='a number above 0'
+            'no speed', key='--speed', value=f'{speed:g}', expected='a number above 0'
         )
-    if options.animation:
+    if not options.animation:
+        refuse_given(options, ('speed',), 'has no meaning without --animation')
+    else:
         animation.check_format(paths.named(options.animation, '--animation'))
     logs = [load(path) for path in options.logs]
     target = paths.named(options.output, '--output') if options.output else _beside(logs)
@@ -68,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for fault in made.faults:
             print(f'  {made.name}: {fault}')
     if options.animation:
-        _animate(paths.named(options.animation, '--animation'), logs, accounts, options.speed)
+        _animate(paths.named(options.animation, '--animation'), logs, accounts, speed)
     names = [made.name for made in accounts]
     for folder, write in ((options.csv, tables.to_csv), (options.parquet, tables.to_parquet)):
         if folder is not None:

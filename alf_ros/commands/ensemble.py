@@ -62,9 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar='K',
         help='run only member K again, and record it as a log (MCAP)',
     )
-    parser.add_argument(
-        '-o', '--output', default='logs', metavar='DIR', help='folder of that log (default: logs)'
-    )
+    parser.add_argument('-o', '--output', metavar='DIR', help='folder of that log (default: logs)')
     options = parser.parse_args(argv)
     with parser.naming():
         name = paths.named(options.study).stem
@@ -73,7 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.log is not None:
         refuse_given(options, ('report',), 'has no meaning with --log')
         with parser.naming():
-            return _log(study, options.log, options.output)
+            return _log(study, options.log, options.output or 'logs')
+    refuse_given(options, ('output',), 'has no meaning without --log')
     if options.scheduler is not None:  # distributed logs tracebacks: here one line says it
         logging.disable(logging.CRITICAL)
     _report(folder, options.report)

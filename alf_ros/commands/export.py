@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from alf_ros import paths
-from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.commands.parser import Parser, add_numbers, numbers, refuse_source, writing
 from alf_ros.exchange.export import exported, tree
 from alf_ros.scene.library import load
 
@@ -37,6 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     text, side, left_out = exported(scene)
     if options.loops is None:
         text, left_out = tree(scene)
+    for key, path in (('-o', options.output), ('--loops', options.loops)):
+        refuse_source(key, path, [options.file])
     for key, path, content in (('-o', options.output, text), ('--loops', options.loops, side)):
         if path is not None:
             with writing(key, path):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from alf_ros import paths
-from alf_ros.commands.parser import Parser, pairs, writing
+from alf_ros.commands.parser import Parser, pairs, refuse_given, writing
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import load_scene
@@ -116,7 +116,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     topics = Topics(options.joints, options.commands, pairs(options.map, '--map'))
     scene = load_scene(options.scene)
-    if options.design:  # faults of candidates are told before the fit
+    if not options.design:
+        refuse_given(options, ('design_duration',), 'has no meaning without --design')
+    else:  # faults of candidates are told before the fit
         with parser.naming():
             checked_duration(options.design_duration)
             candidates(options.design, scene, options.fit, topics)

@@ -10,11 +10,21 @@ from collections.abc import Sequence
 from typing import Any
 
 from alf_ros import paths
-from alf_ros.commands.parser import Parser, add_numbers, numbers, pairs, writing
+from alf_ros.commands.parser import (
+    Parser,
+    add_numbers,
+    numbers,
+    pairs,
+    refuse_given,
+    refuse_source,
+    writing,
+)
 from alf_ros.errors import InputError
 from alf_ros.exchange import corpus
 from alf_ros.exchange.import_file import imported
 from alf_ros.logs.provenance import about
+
+_LIMIT = 120.0  # s for each file of --corpus
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -35,9 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--limit',
         type=float,
-        default=120.0,
         metavar='S',
-        help='time limit for each file of --corpus, s (default: 120)',
+        help=f'time limit for each file of --corpus, s (default: {_LIMIT:g})',
     )
     parser.add_argument(
         '--loops', metavar='SIDE.yaml', help='joints that close the loops of a URDF'
@@ -112,6 +121,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise InputError('not a mass', key='--mass', value=options.mass)
     if (options.file is None) == (options.corpus is None):
         raise InputError('give a FILE, or a folder of them by --corpus')
+    if options.corpus is None:
+        refuse_given(options, ('limit',), 'has no meaning without --corpus')
+    refuse_source('-o', options.output, [options.file, options.loops])
     wishes = {
         'loops': options.loops,
         'scene': options.scene,
@@ -149,8 +161,9 @@ def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
     for option in ('loops', 'positions', 'key', 'arguments'):
         if wishes.pop(option):
             raise InputError('for one file only', key=f'--{_OPTIONS.get(option, option)}')
-    if not 0.0 < options.limit < math.inf:
-        raise InputError('not a time', key='--limit', value=options.limit, expected='s')
+    limit = _LIMIT if options.limit is None else options.limit
+    if not 0.0 < limit < math.inf:
+        raise InputError('not a time', key='--limit', value=limit, expected='s')
     if not corpus.files_below(folder):
         raise InputError(
             'no robot files below this folder',
@@ -160,7 +173,7 @@ def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
         )
     found: list[corpus.Examined] = []
     print(corpus.head())
-    limits = corpus.ExaminationLimits(seconds=options.limit)
+    limits = corpus.ExaminationLimits(seconds=limit)
     for each in corpus.examined(folder, wishes | {'scene': True}, limits):
         print(corpus.row(each), flush=True)
         found.append(each)

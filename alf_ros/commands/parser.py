@@ -6,7 +6,7 @@ import argparse
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -184,7 +184,19 @@ def refuse_given(
     for name in names:
         value = getattr(options, name)
         if value is not None and value is not False and value != []:
-            raise InputError(why, key=f'--{typed.get(name, name)}')
+            raise InputError(why, key=f'--{typed.get(name, name.replace("_", "-"))}')
+
+
+def refuse_source(option: str, target: str | None, sources: Iterable[str | None]) -> None:
+    """Raises InputError if the file that an option names is one of those that the command reads:
+    it would be gone."""
+    for source in sources:
+        if target is None or source is None:
+            continue
+        with suppress(OSError):  # one of them is not there yet, or a name of the library
+            if paths.named(target).samefile(paths.named(source)):
+                text = 'the file that is read, and left as it is'
+                raise InputError(text, key=option, value=target, expected='another file')
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from alf_ros.commands.node_options import NodeOptions, without_ros
-from alf_ros.commands.parser import add_trust, of_log
+from alf_ros.commands.parser import add_trust, of_log, refuse_given
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load
@@ -50,6 +50,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--loop': options.loop or None,
         '--paused': options.paused or None,
     }
+    if not options.redrive:
+        refuse_given(options, ('trust',), 'has no meaning without --redrive')
     of_node = NodeOptions(arguments, given, _PARAMETERS)
     log, status = load(options.log), StatusLine()
     with ProgressBar('reading') as bar:

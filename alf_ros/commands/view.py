@@ -9,10 +9,13 @@ import threading
 from collections.abc import Sequence
 
 import rclpy
+from rclpy.exceptions import InvalidNodeNameException
 from rclpy.signals import SignalHandlerOptions
+from rclpy.validate_node_name import validate_node_name
 
 from alf_ros.commands.node_options import refusing_rclpy, without_ros
 from alf_ros.commands.parser import Parser
+from alf_ros.errors import InputError
 from alf_ros.ros import unborn_ports
 from alf_ros.ros.view.serve import serve
 from alf_ros.scene.text.decimal_numbers import whole
@@ -24,7 +27,13 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         description='Serve a web page that shows a running `simulator` and commands it. Only this '
         'machine can open the page. Ctrl-C ends the page, not the simulator.',
     )
-    parser.add_argument('--simulator', default='simulator', metavar='NAME', help='node to show')
+    parser.add_argument(
+        '--simulator',
+        type=_node,
+        default='simulator',
+        metavar='NAME',
+        help='node to show, in the namespace of the view',
+    )
     parser.add_argument(
         '--port',
         type=_port,
@@ -41,6 +50,19 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         help='also serve Foxglove at this port (default: 8765); needs foxglove-sdk',
     )
     return parser.parse_args(argv)
+
+
+def _node(text: str) -> str:
+    try:
+        validate_node_name(text)
+    except InvalidNodeNameException:
+        raise InputError(
+            'not the name of a node',
+            key='--simulator',
+            value=text,
+            expected="letters, digits and '_'; a namespace by --ros-args -r __ns:=/left",
+        ) from None
+    return text
 
 
 def _port(text: str) -> int:

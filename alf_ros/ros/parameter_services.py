@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
 from alf_ros.errors import InputError
+from alf_ros.ros.simulator import parameters
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -61,7 +62,10 @@ class ParameterServices(ParameterService):
 
 def _at_once(node: Node) -> Change:
     async def change(asked: list[Parameter[Any]]) -> SetParametersResult:
-        return node.set_parameters_atomically(asked)
+        fitted, reason = parameters.fitted(node, asked)
+        if reason:
+            return SetParametersResult(successful=False, reason=reason)
+        return node.set_parameters_atomically(fitted)
 
     return change
 

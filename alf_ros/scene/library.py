@@ -29,7 +29,8 @@ def load(source: str, parameters: dict[str, float]) -> Scene:
         alone, name = source in mechanisms - scenes, source
         if source not in scenes | mechanisms:
             message = 'neither a scene nor a mechanism of this name'
-            raise InputError(message, key='scene', value=source, choices=scenes | mechanisms)
+            choices = sorted(scenes | mechanisms)
+            raise InputError(message, key='scene', value=source, choices=choices)
     if alone:
         return load_scene({'name': name, 'mechanism': source}, parameters)
     return load_scene(source, parameters)

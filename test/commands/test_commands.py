@@ -321,6 +321,26 @@ def test_a_folder_in_place_of_a_file_is_called_so(name: str, tmp_path, capsys) -
     assert 'folder' in one_line(capsys.readouterr().err).replace(str(tmp_path), '')
 
 
+def test_a_file_that_is_read_is_not_written(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    robot = '<robot name="r"><link name="base"/></robot>'
+    files = {'r.urdf': robot, 'm.yaml': 'mechanism: slider_crank\n', 'side.yaml': '{}\n'}
+    for name, text in files.items():
+        Path(name).write_text(text)
+    for line, said in (
+        (
+            'import r.urdf -o ./r.urdf',
+            "-o: the file that is read, and left as it is, got './r.urdf'",
+        ),
+        ('import r.urdf --loops side.yaml -o side.yaml', '-o: the file that is read'),
+        ('export m.yaml -o m.yaml', '-o: the file that is read'),
+        ('export m.yaml -o new.urdf --loops m.yaml', '--loops: the file that is read'),
+    ):
+        assert program.main(line.split()) == 2
+        assert said in capsys.readouterr().err
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == files
+
+
 def test_a_file_that_cannot_be_written_is_told_by_its_option(tmp_path):
     with writing_into(str(tmp_path / 'new' / 'folder')) as folder:
         assert folder.is_dir()

@@ -48,6 +48,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ([*FIT, '--design', 'gravit.acceleration.1=-5'], "did you mean 'gravity'?"),
         ([*FIT, '--design', 'pendulum', '--design-duration', '0'], 'design duration: out of'),
         (
+            [*FIT, '--design-duration', '1'],
+            '--design-duration: has no meaning without --design',
+        ),
+        (
             [*FIT, '--fit', 'mechanism.bodies.coupler.mass'],
             '--fit: given twice, also by coupler.mass',
         ),

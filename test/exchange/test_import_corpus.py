@@ -123,6 +123,7 @@ def test_mistakes_of_the_command(tmp_path: Path) -> None:
         (['--corpus', str(tmp_path / 'nowhere')], '--corpus: no such folder'),
         (['--corpus', str(tmp_path), '--set', 'a=1'], '--set: for one file only'),
         (['--corpus', str(tmp_path), '--limit', '0'], '--limit: not a time'),
+        (['it.urdf', '--limit', '5'], '--limit: has no meaning without --corpus'),
     ):
         with pytest.raises(InputError, match=message):
             main(arguments)

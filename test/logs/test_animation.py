@@ -80,6 +80,7 @@ def test_logs_stand_side_by_side_with_what_differs(planar: Path, tmp_path: Path)
 @pytest.mark.parametrize(
     ('options', 'said'),
     [
+        (['--speed', '2'], '--speed: has no meaning without --animation'),
         (['--animation', 'film.avi'], "got 'film.avi'; expected .gif, .webp, .mp4"),
         (['--animation', 'film.gif', '--speed', '0'], "--speed: no speed, got '0'"),
         (['--animation', 'film.gif', '--speed', 'nan'], "--speed: not a finite number: 'nan'"),

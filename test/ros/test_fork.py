@@ -424,6 +424,10 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
         (['--at', '-1'], 'not within the log'),
         (['--at', 'x'], 'invalid float'),
         (['--at', '0.1', '--duration', '-1'], '--duration: not usable, got -1.*0 or more'),
+        (
+            ['--at', '0.1', '--duration', '1e300'],
+            '--duration: the stamps of ROS end at 2147483647 s, got 1e.300.*at most 2147483647 s',
+        ),
         ([], 'required.*--at'),
         (['--at', '0.1', '--set', 'couple.mass=1'], "did you mean 'coupler'"),
         (['--at', '0.1', '--set', 'coupler.mas=1'], "did you mean 'mass'"),

@@ -220,7 +220,11 @@ def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
     # tf needs tf2_msgs; rclpy reads parameter events on some distributions only
     sensors = {f'/simulator/{kind}*' for kind in KINDS}  # the scene has none
     assert unused(topics(publishers), 'topics', 'publish') <= {'/tf', *sensors}
-    assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events', '/cmd_vel'}
+    assert unused(subscribers, 'topics', 'subscribe') <= {
+        '/parameter_events',
+        '/cmd_vel',
+        '/diagnostics',  # to hear a second node of its name
+    }
     # what needs simulation_interfaces
     standard = {resolved(n) for names, kind in table('Services') for n in names if 'sim' in kind}
     assert unused(topics(services), 'services', 'reply') <= standard

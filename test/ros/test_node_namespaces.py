@@ -81,6 +81,7 @@ def test_two_simulators_in_namespaces(tmp_path, peer):
         times = [c.clock.sec * 10**9 + c.clock.nanosec for c in clocks['right']]
         assert times == sorted(times)
         assert left.stop() == 0 and right.stop() == 0
+        assert 'second node' not in left.output + right.output
 
     def commands(node):
         log = read_log(node.logs[0])

@@ -24,6 +24,8 @@ from alf_ros.logs import load, mcap_chunks
 from alf_ros.logs.comparison import compare
 from alf_ros.logs.report.summary import account
 from alf_ros.ros.recording.recorder import Split
+from alf_ros.ros.recording.recover import recover
+from support.full_disk import small_files
 from support.log_files import make, read_by_others, rewritten
 from support.ros_node import Peer, SimulatorProcess, wrench
 from support.thorough import LONG
@@ -177,3 +179,22 @@ def test_where_nothing_can_be_written_is_one_line(tmp_path, capsys):
     (tmp_path / 'empty.mcap').write_bytes(b'')
     assert main(['recover', str(tmp_path / 'empty.mcap')]) == 2
     assert 'not a log of this simulator' in capsys.readouterr().err
+
+
+def test_what_does_not_come_to_its_end_leaves_nothing(tmp_path, capsys):
+    path, _ = make(tmp_path, 'slider_crank', 400)
+    folder = tmp_path / 'whole'
+
+    def stop(part):
+        assert folder.is_dir()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        recover(load(path), folder, stop)
+    assert not folder.exists()
+    with small_files(path.stat().st_size // 2):
+        assert main(['recover', str(path), '-o', str(folder)]) == 2
+    assert 'cannot be written: File too large' in capsys.readouterr().err
+    assert not folder.exists()
+    assert main(['recover', str(path), '-o', str(folder)]) == 0
+    assert compare(load(folder)).equal

@@ -4,10 +4,12 @@ import os
 import re
 import signal
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import rclpy
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -20,6 +22,10 @@ from std_srvs.srv import SetBool
 from alf_ros.__main__ import main
 from alf_ros.logs import load
 from alf_ros.ros.recording.recorder import Split
+from alf_ros.ros.replay import replay_node
+from alf_ros.ros.replay.replay_node import Replay
+from alf_ros.ros.replay.sources import Recorded
+from alf_ros.ros.terminal import StatusLine
 from support.forked import started
 from support.log_files import make, read_by_others
 from support.paths import ROOT
@@ -73,9 +79,9 @@ class Replayed:
         assert answer.success
         return answer.message
 
-    def set_to(self, name, value):
-        kind = ParameterType.PARAMETER_DOUBLE
-        parameter = Parameter(name=name, value=ParameterValue(type=kind, double_value=value))
+    def set_to(self, name, value, kind=ParameterType.PARAMETER_DOUBLE):
+        field = 'double_value' if kind == ParameterType.PARAMETER_DOUBLE else 'integer_value'
+        parameter = Parameter(name=name, value=ParameterValue(type=kind, **{field: value}))
         answer = self.peer.call(SetParameters, '/replay/set_parameters', parameters=[parameter])
         return answer.results[0]
 
@@ -142,8 +148,70 @@ def test_it_pauses_seeks_changes_its_rate_and_loops(peer, log):
         for name, value in (('seek', 1.5), ('seek', -1.0), ('rate', -1.0)):
             result = replayed.set_to(name, value)
             assert not result.successful and result.reason
+        assert replayed.set_to('rate', 2, ParameterType.PARAMETER_INTEGER).successful
+        for name, said in (('rat', "did you mean 'rate'"), ('loop', 'expected true or false')):
+            result = replayed.set_to(name, 1.0)
+            assert not result.successful and said in result.reason
         os.killpg(replayed.process.pid, signal.SIGINT)
         assert replayed.wait() == 0
+
+
+@pytest.fixture
+def by_hand(peer, log, monkeypatch):
+    """The node in this process, a tick each two seconds, and a function that lets time go by."""
+    clock = SimpleNamespace(now=0.0)
+    monkeypatch.setattr(replay_node, 'time', SimpleNamespace(monotonic=lambda: clock.now))
+    given = [rclpy.parameter.Parameter('rate', value=0.001)]
+    node = Replay(log, Recorded(log), given, StatusLine(enabled=False))
+    peer.executor.add_node(node)
+
+    def pass_by(seconds):
+        clock.now += seconds
+        node.work()
+        return round(node.t * 500)  # of the last tick
+
+    yield node, pass_by
+    peer.executor.remove_node(node)
+    node.destroy_node()
+
+
+def pause(peer, on):
+    return peer.call(SetBool, '/replay/pause', data=on).message
+
+
+def test_requests_more_often_than_messages_do_not_hold_it(peer, by_hand):
+    node, pass_by = by_hand
+    assert pass_by(0.0) == 0
+    for _ in range(5):
+        assert pause(peer, False).startswith('playing')
+        tick = pass_by(0.5)
+    assert tick == 1  # after 2.5 s
+    for n in range(4):
+        node.set_parameters([rclpy.parameter.Parameter('rate', value=0.001 + n * 1e-6)])
+        tick = pass_by(0.5)
+    assert tick == 2  # after 4.5 s
+
+
+def test_a_pause_takes_no_time_away_and_adds_none(peer, by_hand):
+    _, pass_by = by_hand
+    for n in range(5):
+        assert pass_by(1.2) == (n + 1) * 12 // 20
+        assert pause(peer, True).startswith('paused')
+        assert pass_by(7.0) == (n + 1) * 12 // 20
+        pause(peer, True)
+        pause(peer, False)
+
+
+def test_what_is_late_at_a_pause_comes_in_no_burst(peer, by_hand):
+    node, pass_by = by_hand
+    pass_by(0.0)
+    pass_by(1e3)  # as far as one call comes
+    late = round(node.t * 500)
+    assert 0 < late < 500
+    pause(peer, True)
+    pause(peer, False)
+    assert pass_by(0.0) <= late + 1
+    assert pass_by(2.1) <= late + 2
 
 
 @pytest.mark.parametrize('options', [[], ['--redrive'], ['--rate', '0']])
@@ -188,6 +256,8 @@ def test_raw_bytes_are_those_of_the_log(peer, log):
         (['--start', '7'], '--start: bad value'),
         (['--rate', '-1'], 'rate'),
         (['--what'], '--what'),
+        (['--trust'], '--trust: has no meaning without --redrive'),
+        (['--ros-args', '-p', 'rat:=0.5'], "'rat'; did you mean 'rate'"),
     ],
 )
 def test_what_cannot_be_is_one_line(log, options, said, capsys):

@@ -118,9 +118,20 @@ def test_a_port_that_is_taken_is_one_line(server):
     assert line.startswith('alf_ros view: --port: cannot be opened')
 
 
-def test_a_port_that_is_none_is_one_line():
-    done = view('--port', '70000')
-    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+@pytest.mark.parametrize(
+    ('options', 'said'),
+    [
+        (['--port', '70000'], '--port'),
+        (['--simulator', 'a b'], "--simulator: not the name of a node, got 'a b'"),
+        (['--simulator', ''], "--simulator: not the name of a node, got ''"),
+        (['--simulator', '/left/simulator'], 'a namespace by --ros-args -r __ns:=/left'),
+        (['--port', '0', '--ros-args', '-p', 'rate:=3'], "parameter of the node, got 'rate'"),
+    ],
+)
+def test_what_cannot_be_is_one_line(options, said):
+    done = view(*options)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2 and said in line
 
 
 @pytest.mark.parametrize('number', thinned([signal.SIGINT, signal.SIGTERM], keep=[signal.SIGINT]))

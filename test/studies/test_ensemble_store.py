@@ -316,6 +316,8 @@ def test_a_chosen_report_leaves_other_files_as_they_are(short, tmp_path, capsys)
     assert not (tmp_path / 'run.html').exists() and (tmp_path / 'r.html').is_file()
     assert short('--log', '0', '--report', 'r.html') == 2
     assert '--report: has no meaning with --log' in capsys.readouterr().err
+    assert short('--store', 'run', '-o', 'logs') == 2
+    assert '--output: has no meaning without --log' in capsys.readouterr().err
 
 
 def test_a_chunk_on_which_workers_die_ends_the_study_in_one_line(tmp_path):

@@ -370,6 +370,19 @@ def test_reactions_beside_a_singular_position() -> None:
     assert found.by['coupler.mass'] == pytest.approx(difference, rel=1e-6)
 
 
+def test_a_long_run_needs_no_square_of_its_samples() -> None:
+    """They are so many that their square would not fit into any memory."""
+    t = np.linspace(0.0, 400.0, 400_001)
+    for fold, exact in (
+        ('integral', 1.0 - np.cos(400.0)),
+        ('mean', (1.0 - np.cos(400.0)) / 400.0),
+        ('rms', np.sqrt(0.5 - np.sin(800.0) / 1600.0)),
+    ):
+        found = FOLDS[fold](t, np.sin(t))
+        assert found.value == pytest.approx(exact, abs=1e-10)
+        assert found.weights.shape == t.shape
+
+
 def test_a_length_that_unfolds_a_position_is_refused_behind_it() -> None:
     name, of = 'mechanism.points.A.at.0', 'final(points.B.x)'
     simulation = Simulation(load_scene('slider_crank'))

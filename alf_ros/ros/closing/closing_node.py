@@ -24,9 +24,9 @@ from alf_ros.ros.closing.closing_messages import (
     joint_state,
     travel,
 )
-from alf_ros.ros.closing.namesake import KEY, Namesake
 from alf_ros.ros.messages.tf import transforms
 from alf_ros.ros.messages.topics import RELIABLE
+from alf_ros.ros.namesake import KEY, Namesake
 from alf_ros.ros.parameter_services import ParameterServices
 from alf_ros.ros.simulator.parameters import Spec, check_names, declare
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
@@ -89,7 +89,7 @@ class CloseNode(Node):
         self._travel = self.create_publisher(Float64MultiArray, '~/travel', RELIABLE)
         self._reports = self.create_publisher(DiagnosticArray, '~/diagnostics', RELIABLE)
         self._name = self.get_fully_qualified_name().lstrip('/')
-        self._namesake = Namesake(self, self._reports, f'{self._name}: ')
+        self._namesake = Namesake(self, self._reports.topic_name, f'{self._name}: ')
         self._warned = False  # of the second node that there is
         self._frames = None
         if values['publish.tf']:

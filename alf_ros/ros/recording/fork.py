@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from alf_ros.logs.log import Log
 from alf_ros.logs.progress import Report, silent
 from alf_ros.logs.rerun import Rerun
 from alf_ros.logs.resume import resume
+from alf_ros.logs.stamps import ENDS, LAST
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
 from alf_ros.ros.recording.recorder import unused
@@ -73,6 +75,9 @@ def fork(
     steps = _steps_in(tick, simulation.h)
     resumed.rest = _kept(resumed.rest, rerun, changed, _other_values(scene, rerun.scene))
     end = log.end if duration is None else start + duration
+    if end * 1e9 + log.ahead > LAST:
+        most = f'at most {math.floor((LAST - log.ahead) * 1e-9 - start)} s'
+        raise InputError(ENDS, key='--duration', value=duration, expected=most)
     if 'step' in changed:
         _check_steps(resumed.rest, simulation.h, end)
     if log.absent and end > log.end + 0.5 * tick:  # inputs in them may act there

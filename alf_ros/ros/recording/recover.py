@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from alf_ros.ros.recording.mcap_file import LogFile, write_metadata
 def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
     """Write every whole chunk of a log, with an index and metadata.yaml, into a new folder.
 
-    Raises InputError if that cannot be written, or a topic has two types.
+    Raises InputError if that cannot be written, or a topic has two types. An attempt that does not
+    come to its end leaves nothing.
     """
     for topic, types in log.survey.types.items():
         if ', ' in types:  # which no metadata.yaml can describe
@@ -24,20 +26,28 @@ def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
             raise InputError(f'written as {types}', key=topic, expected=expected)
     try:
         folder.mkdir(parents=True)
-        size, before, made = sum(file.stat().st_size for file in log.files), 0, []
-        for number, file in enumerate(log.files):
-            target = folder / f'{folder.name}_{number}.mcap'
-            copy = LogFile(target, log.record)
-            made.append(copy)
-            for read in _copied(file, copy):
-                report((before + read) / size)
-            before += file.stat().st_size
-        write_metadata(folder, made, log.record)
+        try:
+            return _copies(log, folder, report)
+        except BaseException:  # also Ctrl-C: a part would be taken for all, and be in the way
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
     except FileExistsError:
         raise InputError('exists already', key='--output', value=str(folder)) from None
     except OSError as error:
         text = f'cannot be written: {error.strerror}'
         raise InputError(text, key='--output', value=str(folder)) from None
+
+
+def _copies(log: Log, folder: Path, report: Report) -> list[LogFile]:
+    """All files of a log in the folder, with their metadata.yaml. Raises OSError."""
+    size, before, made = sum(file.stat().st_size for file in log.files), 0, []
+    for number, file in enumerate(log.files):
+        copy = LogFile(folder / f'{folder.name}_{number}.mcap', log.record)
+        made.append(copy)
+        for read in _copied(file, copy):
+            report((before + read) / size)
+        before += file.stat().st_size
+    write_metadata(folder, made, log.record)
     return made
 
 

@@ -21,7 +21,7 @@ from alf_ros.ros.messages.topics import BEST_EFFORT
 from alf_ros.ros.parameter_services import ParameterServices
 from alf_ros.ros.reliable_readers import PATIENCE, ReliableReaders
 from alf_ros.ros.replay.sources import Source, StampedMessage, stamp_of
-from alf_ros.ros.simulator.parameters import Spec, declare
+from alf_ros.ros.simulator.parameters import Spec, check_names, declare
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
@@ -33,7 +33,7 @@ class Replay(Node):
     """The node `replay`: every message of `source` at its time, and the clock.
 
     `finished` is done at the end of the log, unless it loops, or when `stop` was called.
-    Raises InputError for parameters out of range.
+    Raises InputError for parameters that it does not have, or that are out of range.
     """
 
     def __init__(
@@ -46,6 +46,7 @@ class Replay(Node):
         self._log, self._source, self._status = log, source, status
         self._spans = float(log.time(source.first)), float(log.time(source.last))
         values = declare(self, _specs(self._spans))
+        check_names(self)
         self._rate, self._loop = values['rate'], values['loop']
         self.paused = values['start_paused']
         self._outputs = {
@@ -86,22 +87,36 @@ class Replay(Node):
     def _go_to(self, t: float) -> None:
         """Continue from a simulated time (s)."""
         stamp = stamp_of(self._log, t)
-        self._items: Iterator[StampedMessage] = self._source.items(stamp)
-        self._next = next(self._items, None)
+        items = self._source.items(stamp)
+        self._next = next(items, None)  # raises where the run cannot be made again: all stays
+        self._items: Iterator[StampedMessage] = items
         self._stamp = stamp
         self._told = 0  # the last stamp on the clock
-        self._anchor()
+        self._since, self._from = time.monotonic(), stamp
+        self._pass: float | None = None  # s, when the pass from here on began
+
+    def _now(self) -> int:
+        """The stamp up to which messages are due."""
+        if self.paused:
+            return self._from
+        if not self._rate:
+            return self._source.last
+        return self._from + round((time.monotonic() - self._since) * self._rate * 1e9)
 
     def _anchor(self) -> None:
-        """From now on time goes by from the present stamp."""
-        self._since, self._from = time.monotonic(), self._stamp
+        """To be called before the pace changes: time goes by from here, but from no message that
+        is late, so that none come in a burst."""
+        now = self._now()
+        self._from = now if self._next is None else min(now, self._next.stamp)
+        self._since = time.monotonic()
 
     def work(self) -> float:
         """Publish the messages that are due. Returns the time (s) until the next one is."""
         if self.paused or self.finished.done():
             return LOOK_PERIOD
-        passed = (time.monotonic() - self._since) * self._rate * 1e9
-        now = self._from + round(passed) if self._rate else self._source.last
+        if self._pass is None:
+            self._pass = time.monotonic()
+        now = self._now()
         try:
             for _ in range(_MOST):
                 if self._next is None or self._next.stamp > now:
@@ -113,7 +128,7 @@ class Replay(Node):
             self.stop()
         if self._next is None:
             if self._loop:
-                rest = self._since + _SHORTEST - time.monotonic()
+                rest = self._pass + _SHORTEST - time.monotonic()
                 if rest > 0.0:  # a log of one instant, or of a few ticks
                     return min(LOOK_PERIOD, rest)
                 self._go_to(self._spans[0])
@@ -146,8 +161,8 @@ class Replay(Node):
             self._status.show(f't {self.t:.2f} of {self._spans[1]:.2f} s  {state}')
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.paused = request.data
         self._anchor()
+        self.paused = request.data
         response.success = True
         response.message = f'{"paused" if self.paused else "playing"} at t = {self.t:.9g} s'
         return response
@@ -165,8 +180,8 @@ class Replay(Node):
     def _on_parameters(self, changed: list[Parameter]) -> None:
         for parameter in changed:
             if parameter.name == 'rate':
-                self._rate = parameter.value
                 self._anchor()
+                self._rate = parameter.value
             elif parameter.name == 'loop':
                 self._loop = parameter.value
 

@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from alf_ros.errors import StepError
 from alf_ros.model.softest_modes import near
+from alf_ros.ros.namesake import KEY
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator.inputs import CommandSubscriber
 from alf_ros.ros.simulator.output_costs import NOTHING, Spent
@@ -220,8 +221,9 @@ def timing(
     return Report('timing', OK, message, values)
 
 
-def commands(inputs: CommandSubscriber) -> Report:
-    """Commands accepted, refused by reason, timed out. WARN for some seconds after a trouble."""
+def commands(inputs: CommandSubscriber, process: str, twice: str) -> Report:
+    """Commands accepted, refused by reason, timed out; the process of the node. WARN for some
+    seconds after a trouble, and while a second node has this name, which `twice` says."""
     values = {
         'accepted': inputs.accepted,
         'held': inputs.held,
@@ -230,7 +232,10 @@ def commands(inputs: CommandSubscriber) -> Report:
         'timed_out': inputs.timed_out,
         'timeout_s': inputs.timeout,
         'last_trouble': inputs.last_trouble,
+        KEY: process,
     }
+    if twice:
+        return Report('commands', WARN, twice, values)
     if inputs.troubled:
         return Report('commands', WARN, inputs.last_trouble, values)
     return Report('commands', OK, f'{inputs.accepted} accepted', values)

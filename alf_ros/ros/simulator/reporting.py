@@ -10,6 +10,7 @@ from rclpy.serialization import serialize_message
 
 from alf_ros.errors import StepError
 from alf_ros.ros.messages.templates import to_time
+from alf_ros.ros.namesake import Namesake
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator import diagnostics
 from alf_ros.ros.simulator.control import Control
@@ -39,6 +40,8 @@ class Reporting:
         self._warned: tuple[int, Simulation] | None = None  # whose steps were said to be too long
         self._name = node.get_fully_qualified_name().lstrip('/')
         self._control, self._pacer, self._outputs = control, pacer, outputs
+        self._namesake = Namesake(node, outputs.diagnostics.topic, f'{self._name}: ')
+        self._twice = ''  # what was said of a second node of this name
         self._status = status
         self._looks = 0
         self._alarms: tuple[bool, ...] = ()
@@ -60,14 +63,17 @@ class Reporting:
             text = f'recording has stopped, the simulation continues: {recorder.error}'
             self._logger.error(text)
         self._warn(run.simulation)
+        regular = self._looks % LOOKS_PER_DIAGNOSIS == 0
+        if regular:
+            self._look_for_namesake()
         alarms = (
+            bool(self._twice),
             run.simulation.resolution.too_long,
             self._control.inputs.troubled,
             bool(self._control.inputs.tracking.trouble),
             self._pacer.lost > self._before.lost,
             recorder is not None and bool(recorder.dropped or recorder.error),
         )
-        regular = self._looks % LOOKS_PER_DIAGNOSIS == 0
         if regular:
             self._measure()
         if regular or alarms != self._alarms:
@@ -99,6 +105,15 @@ class Reporting:
             int(taken) if known else 0,
         )
 
+    def _look_for_namesake(self) -> None:
+        """Say once, and again if it went and came back, that a second node has this name."""
+        self._namesake.look()
+        other = self._namesake.other
+        text = f'a second node {self._name} runs, and takes each command too: process {other}'
+        if other and not self._twice:
+            self._logger.warning(text)
+        self._twice = text if other else ''
+
     def _warn(self, simulation: Simulation) -> None:
         """Say once that the steps of a run are too long."""
         run = self._control.run.number, simulation
@@ -128,7 +143,7 @@ class Reporting:
                 self._spent,
                 self._outputs.lagging,
             ),
-            diagnostics.commands(self._control.inputs),
+            diagnostics.commands(self._control.inputs, self._namesake.process, self._twice),
             diagnostics.trajectory(self._control.inputs.tracking),
             diagnostics.record(run.recorder, run.unrecorded, self._spent, 1.0 / run.setup.tick),
         ]

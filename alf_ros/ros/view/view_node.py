@@ -24,6 +24,7 @@ from alf_ros.resources import library
 from alf_ros.ros.messages.shape_markers import shape_outline
 from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED
 from alf_ros.ros.parameter_services import ParameterServices
+from alf_ros.ros.simulator.parameters import check_names
 from alf_ros.ros.view.mesh_library import MeshLibrary
 from alf_ros.ros.view.shown_scene import ShownScene
 from alf_ros.simulation.display_geometry import POINTS_PER_ARROW
@@ -38,7 +39,8 @@ Json = dict[str, Any]
 
 
 class ViewNode(Node):
-    """Hears the simulator of that name in its own namespace. `meshes`: of its scenes.
+    """Hears the simulator of that name in its own namespace. `meshes`: of its scenes. Raises
+    InputError for parameters, of which it has none of its own.
 
     `picture`: the data to draw, None without news; `about`: data that change rarely. `look`
     replaces both and never changes them.
@@ -47,6 +49,7 @@ class ViewNode(Node):
     def __init__(self, simulator: str, meshes: MeshLibrary) -> None:
         super().__init__('view', start_parameter_services=False)
         ParameterServices(self)
+        check_names(self)
         self.picture: Json | None = None
         self.about: Json = {}
         self._executor = SingleThreadedExecutor()

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -261,31 +261,56 @@ def integral(t: Floats, values: Floats) -> Floats:
     """∫ dt over equally spaced samples, by Simpson's rule; of an odd number of intervals the last
     three by the 3/8 rule, and of a single one by the trapezoid. A first or a last interval
     that is shorter has the integral of the parabola through the three samples at its end."""
+    parts = [
+        factor * np.tensordot(weights, values[places], axes=(0, 0))
+        for places, weights, factor in _rules(t)
+    ]
+    return np.asarray(sum(parts[1:], parts[0]))
+
+
+def integral_weights(t: Floats) -> Floats:
+    """(N,) derivatives of `integral` by the values at N samples, s."""
+    found = np.zeros(t.size)
+    for places, weights, factor in _rules(t):
+        found[places] += factor * weights
+    return found
+
+
+def _rules(t: Floats, first: int = 0) -> Iterator[tuple[Integers, Floats, float]]:
+    """The rules of an integral over samples, which are counted from `first` on: of each its
+    places among them, the weights of the values there, and a common factor (s)."""
     n = t.size - 1
+    places = np.arange(first, first + n + 1)
     is_short_last = n > 1 and t[-1] - t[-2] < (1.0 - CLOSE) * (t[-2] - t[-3])
     is_short_first = n > 1 and t[1] - t[0] < (1.0 - CLOSE) * (t[2] - t[1])
     if n == 2 and (is_short_first or is_short_last):  # both have the parabola
-        return _last_interval(-t[::-1], values[::-1]) + _last_interval(t, values)
-    if is_short_last:
-        return integral(t[:-1], values[:-1]) + _last_interval(t[-3:], values[-3:])
-    if is_short_first:
-        return _last_interval(-t[2::-1], values[2::-1]) + integral(t[1:], values[1:])
-    if n < 2:
-        return np.asarray((t[-1] - t[0]) * 0.5 * (values[0] + values[-1]))
-    weights = np.zeros(n + 1)
-    even = n if n % 2 == 0 else n - 3
-    for k in range(0, even, 2):
-        weights[k : k + 3] += (1 / 3, 4 / 3, 1 / 3)
-    if even < n:
-        weights[even:] += (3 / 8, 9 / 8, 9 / 8, 3 / 8)
-    return np.asarray((t[-1] - t[0]) / n * np.tensordot(weights, values, axes=(0, 0)))
+        yield places[::-1], *_last_interval(-t[::-1])
+        yield places, *_last_interval(t)
+    elif is_short_last:
+        yield from _rules(t[:-1], first)
+        yield places[-3:], *_last_interval(t[-3:])
+    elif is_short_first:
+        yield places[2::-1], *_last_interval(-t[2::-1])
+        yield from _rules(t[1:], first + 1)
+    elif n < 2:
+        yield places[[0, -1]], np.ones(2), float(t[-1] - t[0]) * 0.5
+    else:
+        weights = np.zeros(n + 1)
+        even = n if n % 2 == 0 else n - 3
+        weights[1:even:2] = 4 / 3
+        weights[0:even:2] += 1 / 3
+        weights[2 : even + 1 : 2] += 1 / 3
+        if even < n:
+            weights[even:] += (3 / 8, 9 / 8, 9 / 8, 3 / 8)
+        yield places, weights, float(t[-1] - t[0]) / n
 
 
-def _last_interval(t: Floats, values: Floats) -> Floats:
-    """∫ dt of the parabola through three samples over the second of their intervals."""
+def _last_interval(t: Floats) -> tuple[Floats, float]:
+    """Weights and factor (s) of ∫ dt of the parabola through three samples over the second of
+    their intervals."""
     a, b = np.diff(t)
     weights = np.array([-(b**2) / (a * (a + b)), (3.0 * a + b) / a, (3.0 * a + 2.0 * b) / (a + b)])
-    return np.asarray(b / 6.0 * np.tensordot(weights, values, axes=(0, 0)))
+    return weights, float(b) / 6.0
 
 
 # ----------------------------------------------------------------------------------------- reading

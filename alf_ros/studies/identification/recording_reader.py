@@ -220,7 +220,7 @@ class _Reader:
         plan = self._plan
         for name in self._topics.renamed:
             if name not in self._names.seen and not plan:
-                names = [*self._unused, *(joint for joint, _ in self._joints)]
+                names = list(dict.fromkeys((*self._unused, *(joint for joint, _ in self._joints))))
                 raise InputError(
                     'nothing of this name in the recording',
                     file=str(self._path),

@@ -17,7 +17,7 @@ from numpy.polynomial import polynomial
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError
-from alf_ros.studies.ensemble.kept_outputs import integral
+from alf_ros.studies.ensemble.kept_outputs import integral_weights
 from alf_ros.studies.optimisation.near_samples import NearSamples, near
 from alf_ros.studies.optimisation.smooth_pieces import NO_INSTANTS, SmoothPiece, smooth_pieces
 
@@ -74,7 +74,7 @@ def _integrating(t: Floats, y: Floats, instants: Floats) -> tuple[Floats, tuple[
     pieces, weights = smooth_pieces(t, y, instants), np.zeros(t.size)
     for piece in pieces:
         own = t[piece.of]
-        weights[piece.of] += integral(own, np.eye(own.size))
+        weights[piece.of] += integral_weights(own)
         for begin, end in ((piece.begin, float(own[0])), (float(own[-1]), piece.end)):
             if begin < end:
                 window = _around(t, piece, 0.5 * (begin + end))

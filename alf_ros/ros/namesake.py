@@ -15,7 +15,6 @@ from datetime import datetime, timezone
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from alf_ros.ros.messages.topics import RELIABLE
@@ -32,8 +31,9 @@ class Namesake:
     one. The own topic is heard only while the graph has a second publisher of this name there.
     """
 
-    def __init__(self, node: Node, reports: Publisher, named: str) -> None:
-        """named: how the statuses of the node begin: no other name has the same text."""
+    def __init__(self, node: Node, reports: str, named: str) -> None:
+        """reports: topic of the diagnostics; named: how the statuses of the node begin: no other
+        name has the same text."""
         started = datetime.now(timezone.utc).isoformat(timespec='milliseconds')
         self.process = f'{os.getpid()} on {platform.node()}, started {started}'
         self._node, self._reports, self._named = node, reports, named
@@ -55,9 +55,8 @@ class Namesake:
                 self._ear = None
             self._heard.clear()
         elif self._ear is None:
-            topic = self._reports.topic_name
             self._ear = self._node.create_subscription(
-                DiagnosticArray, topic, self._hear, RELIABLE
+                DiagnosticArray, self._reports, self._hear, RELIABLE
             )
 
     def _hear(self, report: DiagnosticArray) -> None:
@@ -71,5 +70,5 @@ class Namesake:
     def _is_in_graph(self) -> bool:
         """Whether a second publisher of reports has the name of this node."""
         own = self._node.get_name(), self._node.get_namespace()
-        publishers = self._node.get_publishers_info_by_topic(self._reports.topic_name)
+        publishers = self._node.get_publishers_info_by_topic(self._reports)
         return sum((each.node_name, each.node_namespace) == own for each in publishers) > 1
