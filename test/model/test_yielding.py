@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alf_ros import AlfError, AssemblyError, Simulation, StepError, load_scene
+from alf_ros import (
+    AlfError,
+    AssemblyError,
+    Simulation,
+    StepError,
+    equilibrium,
+    linearise,
+    load_scene,
+)
 from alf_ros.arrays import Floats
 from alf_ros.inspection.soundness import NOTE, examine
 from support.thorough import combined, thinned
@@ -242,6 +250,22 @@ def test_a_rod_of_another_length_is_refused(feet: str, way: str, error: float) -
     foot['at'] = (np.array(foot['at']) - error * np.array(WAYS[way][0])).tolist()
     with pytest.raises(AlfError, match=r'contradict|singular position|shaky'):
         Simulation(load_scene(scene), step=1e-3).step(1000)
+
+
+def test_statics_name_what_counts_as_free() -> None:
+    """To first order the plate may turn, too, which no linear model shows to be false."""
+    scene = load_scene(plate('four', 'lean', moving=False))
+    rest = equilibrium(scene)
+    assert rest.stability == 'stable'
+    assert rest.points['C'] == pytest.approx([*np.mean(FEET['four'], axis=0), -LENGTH], abs=1e-9)
+    weight, mass = (PLATE + 4.0 * ROD / part for part in (2.0, 3.0))
+    swing = math.sqrt(G * weight / mass / LENGTH) / (2.0 * math.pi)
+    for frequencies, notes in (
+        (rest.frequencies, rest.notes),
+        (linearise(rest).frequencies, linearise(rest).notes),
+    ):
+        assert np.sum(np.abs(frequencies - swing) < 1e-9) == 2
+        assert any('rows hold 1 of the directions to second order only' in note for note in notes)
 
 
 def pin(one: str, other: str, at: str) -> dict[str, Any]:

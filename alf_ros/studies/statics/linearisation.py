@@ -38,6 +38,7 @@ from alf_ros.studies.statics.creeping_friction import creeping
 from alf_ros.studies.statics.descent import moved
 from alf_ros.studies.statics.difference_slopes import slope_at_zero
 from alf_ros.studies.statics.frozen_time import read_at, standing_still
+from alf_ros.studies.statics.held_to_second_order import held_to_second_order
 from alf_ros.studies.statics.instant import Instant, Loads, forces
 from alf_ros.studies.statics.linear_model import LinearModel
 from alf_ros.studies.statics.positions_of_rest import (
@@ -96,6 +97,7 @@ def linearise(
     C = charted.slopes(names, units)
     notes = ['the loads of friction are held'] if rubbing.size else []
     notes += creeping(instant)
+    notes += held_to_second_order(instant)
     if instant.qd.any():
         notes.append(_MOVING)
     if not isinstance(about, Simulation):
@@ -155,7 +157,9 @@ def refuse_singular(instant: Instant) -> None:
         found = position(model, instant.q, instant.t)
         kind = found.kind if found.kind != SMOOTH else 'rank lost'
         raise InputError(
-            f'a singular position ({kind}) has no linear model', key='linearise', value=instant.t
+            f'a singular position ({kind}) has no linear model',
+            key='linearise',
+            value=f't = {instant.t:g} s',
         )
 
 

@@ -39,6 +39,7 @@ from alf_ros.studies.statics.descent import (
     pushed,
 )
 from alf_ros.studies.statics.frozen_time import read_at, standing_still
+from alf_ros.studies.statics.held_to_second_order import held_to_second_order
 from alf_ros.studies.statics.instant import DENSE, Chosen, Instant, Loads, angles, counted
 from alf_ros.studies.statics.newton_rest import nearest_rest
 from alf_ros.studies.statics.rest_at_kink import ON_ONE_SIDE, UNDECIDED, with_both_sides
@@ -310,6 +311,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes.append('a force has a kink here: the stiffness is of one side of it')
         if sides:
             notes.append(sides)
+    notes += held_to_second_order(instant) if told.stiffness.size else []
     notes += standing_still(model, instant.t)
     notes += read_at(instant)
     if told.stiffness.size and model.system.rows.velocity:
