@@ -9,7 +9,7 @@ from alf_ros.studies.statics.instant import DENSE, Instant
 
 
 def held_to_second_order(instant: Instant) -> list[str]:
-    """What yields in them, of a mechanism with redundant rows: to first order such a direction is
+    """The note, if a mechanism with redundant rows has such directions. To first order they are
     free."""
     model = instant.model
     dependent = len(model.row_names) - round(model.system.rank)
