@@ -8,6 +8,7 @@ import pickle
 import numpy as np
 import pytest
 
+from alf_ros import Simulation, load_scene
 from support.effect_scenes import MASS, ROTOR, ROTOR_IN_SPACE, TWO_ROTORS, simulate
 
 
@@ -89,6 +90,33 @@ def test_torsion_spring_between_two_that_spin() -> None:
         assert sample.joints['pin'].position == pytest.approx(angle, abs=1e-8)
         assert sample.energy == pytest.approx(0.5 * (J1 * v1**2 + J2 * v2**2), rel=1e-11)
     assert np.abs(sim.state.turns).max() > 10
+
+
+def test_an_angle_as_drawn_is_the_difference_of_two_directions() -> None:
+    """Bars at 3.1 and 3.2 rad: the second direction is 3.2 - 2 pi, a whole turn less."""
+    first, second, k = 3.1, 3.2, 3.0
+    knee = [math.cos(first), math.sin(first)]
+    tip = [knee[0] + math.cos(second), knee[1] + math.sin(second)]
+    scene = {
+        'mechanism': {
+            'alf': 1,
+            'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': knee}, 'B': {'at': tip}},
+            'bodies': {
+                'upper': {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod'},
+                'lower': {'points': ['A', 'B'], 'mass': 1.0, 'inertia': 'rod'},
+            },
+            'joints': {
+                'hip': {'type': 'revolute', 'between': ['ground', 'upper'], 'at': 'O'},
+                'knee': {'type': 'revolute', 'between': ['upper', 'lower'], 'at': 'A'},
+            },
+        },
+        'effects': {'torsion_spring': {'joint': 'knee', 'stiffness': k, 'free_position': 0.0}},
+    }
+    sample = Simulation(load_scene(scene)).sample()
+    angle = second - first - 2.0 * math.pi
+    assert sample.joints['knee'].position == pytest.approx(angle, abs=1e-14)
+    assert sample.joints['knee'].effort == pytest.approx(-k * angle, abs=1e-12)
+    assert sample.stored['torsion_spring'] == pytest.approx(0.5 * k * angle**2, abs=1e-12)
 
 
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
