@@ -212,6 +212,17 @@ def test_the_report_says_of_how_many_points_and_members_it_is():
     assert 'path, J: 63 members' in text
 
 
+def test_the_report_says_how_many_numbers_it_leaves_out():
+    kept = {f'n{k}': 'final(energy)' for k in range(43)}
+    vary = {'w': [1.0, 2.0]}
+    study = study_of(TURNING, vary, sampling='table', outputs=kept, duration=0.1, chunk=2)
+    chunk = run_chunk(study, 0)
+    statistics = Statistics(study)
+    statistics.add(chunk)
+    text = page(Progress(2, 2, 1, 0, 1.0, statistics), iter([chunk]))
+    assert '3 more numbers are in the store.' in text and 'n39' in text and 'n40' not in text
+
+
 def test_a_share_of_a_load_is_marked(tmp_path, monkeypatch, capsys):
     """In the store, in the Dataset, in the report, and by the command."""
     monkeypatch.chdir(tmp_path)
@@ -323,6 +334,7 @@ def test_a_single_number_has_all_of_the_influence(tmp_path: Path) -> None:
         ([{'crossing': 'energy', 'direction': None}], 'direction: nothing given; known: both'),
         ([{'crossing': 'energy', 'valeu': 1}], "crossing: unknown key, got 'valeu'; did you mean"),
         ({'1st': 'energy'}, "outputs: not a label, got '1st'"),
+        ({'t': 'energy'}, "outputs: a label that each store has, got 't'; expected another"),
         ([{'function': 'nowhere'}], "function: not a function, got 'nowhere'"),
         ([{'function': abs, 'reads': 1}], 'reads: not a list of names, got 1'),
     ],

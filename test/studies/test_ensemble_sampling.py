@@ -302,6 +302,11 @@ def test_what_cannot_be_is_said(kind, vary, members, said):
     ('data', 'said'),
     [
         ({'normal': [1.0, -0.1]}, 'x: normal: impossible parameters'),
+        (
+            {'triangular': [1.0, 1.0, 1.0]},
+            "x: triangular: impossible parameters, got {'low': 1.0, 'mode': 1.0, 'high': 1.0}; "
+            'expected low <= mode <= high, low < high',
+        ),
         ({'normal': [1.0]}, 'x: normal: wrong parameters, got [1.0]'),
         ({'gauss': {'mean': 1.0}}, "x: no such distribution, got 'gauss'; known: uniform, normal"),
         (

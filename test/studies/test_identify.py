@@ -442,7 +442,7 @@ GOOD = {'crank_pin': 0.785, 'guide': 1.414}
             'window: delays of up to 5 s leave too few measurements of a window',
         ),
         (FIT, {'bounds': {'coupler.mass': (2, 3)}}, 'the scene begins outside the bounds'),
-        (FIT, {'bounds': {'coupler.mass': (3, 2)}}, 'bounds.coupler.mass: not two numbers'),
+        (FIT, {'bounds': {'coupler.mass': (3, 2)}}, 'bounds.coupler.mass: not usable'),
         (FIT, {'priors': {'coupler.mass': 3}}, 'priors.coupler.mass: not two numbers'),
     ],
 )

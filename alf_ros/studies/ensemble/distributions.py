@@ -65,7 +65,7 @@ LAWS = {
         _triangular,
         ('low', 'mode', 'high'),
         lambda a, m, b: a <= m <= b and a < b,
-        'low <= mode <= high',
+        'low <= mode <= high, low < high',
     ),
 }
 

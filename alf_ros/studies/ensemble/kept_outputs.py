@@ -45,6 +45,7 @@ _CALLS = (*_FOLDED, 'norm')
 _NAMES = {*_KEYS, *_CALLS, *(name for names in _OPTIONS.values() for name in names)}
 DIRECTIONS = ('both', 'up', 'down')
 LABEL = re.compile(r'[A-Za-z][\w.-]*')
+_OF_STORES = ('member', 'reason', 't')
 
 
 @dataclass(frozen=True)
@@ -328,9 +329,13 @@ def outputs(data: Any) -> tuple[KeptOutput, ...]:
     if not found:
         raise InputError('nothing to keep', key='outputs', expected='names of quantities')
     for one in found:
-        if not LABEL.fullmatch(one.label) or one.label in ('member', 'reason', 't'):
+        if not LABEL.fullmatch(one.label):
             expected = 'letters, digits, . _ -, beginning with a letter'
             raise InputError('not a label', key='outputs', value=one.label, expected=expected)
+        if one.label in _OF_STORES:
+            raise InputError(
+                'a label that each store has', key='outputs', value=one.label, expected='another'
+            )
     labels = [one.label for one in found]
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice is not None:

@@ -47,6 +47,9 @@ def page(progress: Progress, chunks: Iterator[Chunk], head: str = '') -> str:
         parts.append(html_table.table(('member', 'reason'), failures.rows, progress.failed))
     for name in islice(statistics.numbers, _MOST_NUMBERS):
         parts += _number(statistics, name)
+    if len(statistics.numbers) > _MOST_NUMBERS:
+        more = f'{len(statistics.numbers) - _MOST_NUMBERS} more numbers are in the store.'
+        parts.append(html_table.paragraph(more))
     parts += histories.drawn()
     return ''.join([*parts, '</body></html>\n'])
 

@@ -139,8 +139,9 @@ class PostureTrack:
 
     def _untold(self, rows: DenseRows) -> Floats:
         """(n, directions) of the free motion that move no recorded joint."""
-        Y, _ = rows.motions(self._q)
-        return np.asarray(Y @ null_space(self._read(self._q).dx[0] @ Y, rcond=_UNTOLD))
+        told = self._read(self._q).dx[0]
+        Y, _ = rows.in_mesh(self._q, rows.motions(self._q)[0], told)
+        return np.asarray(Y @ null_space(told @ Y, rcond=_UNTOLD))
 
     def _take(self, q: Floats, turns: Integers) -> None:
         self._q, self._turns = q, turns
@@ -201,13 +202,16 @@ class PostureTrack:
         rows, n = DenseRows(self._model, t), self._model.n
         for _ in range(_ROUNDS):
             off = self._off(want)
-            Y = rows.null_space(self._q, rows.binds)
-            A = self._read(self._q).dx[0] @ Y
+            told = self._read(self._q).dx[0]
+            Y, unmeshing = rows.in_mesh(self._q, rows.motions(self._q)[0], told)
+            if not unmeshing.size:
+                Y = rows.null_space(self._q, rows.binds)
+            A = told @ Y
             far = np.abs(off).max(initial=0.0)
             y = _least(A, off * min(1.0, 2.0 * _TURN / max(far, 1e-300)))
             moved = self._q.copy()
             moved[:n] += Y @ y
-            moved = self._closed(rows, moved)
+            moved = self._closed(rows, moved, unmeshing.size > 0)
             before = self._q
             self._turns = counted(self._model, before, self._turns, moved)
             self._q = moved
@@ -217,14 +221,17 @@ class PostureTrack:
             if np.abs(self._off(want)).max(initial=0.0) <= near:
                 return
 
-    def _closed(self, rows: DenseRows, q: Floats) -> Floats:
+    def _closed(self, rows: DenseRows, q: Floats, in_mesh: bool = False) -> Floats:
+        """The nearest posture; in_mesh: with gears and others as they are in the present one."""
         n = self._model.n
         q, _ = rows.placed(q)
         for _ in range(_ROUNDS):
-            gap = rows.gaps(q)[rows.binds]
+            gap, J = rows.gaps(q)[rows.binds], rows.jacobian(q)[rows.binds, :n]
+            if in_mesh:
+                slip, turning = rows.unmeshed(self._q, q)
+                gap, J = np.concatenate([gap, slip]), np.vstack([J, turning])
             if np.abs(gap).max(initial=0.0) <= _CLOSED * self._model.size:
                 return q
-            J = rows.jacobian(q)[rows.binds, :n]
             q[:n] -= least_change(J, gap, _DEPENDENT)
         raise InputError(
             f'the mechanism cannot follow the recorded joints at t = {rows.t:.6g} s',

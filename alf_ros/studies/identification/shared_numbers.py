@@ -152,11 +152,15 @@ def _sizes(begin: Floats, width: Floats, deviation: Floats) -> Floats:
 
 
 def _check_pair(what: str, name: str, pair: Any) -> None:
-    expected = {'bounds': '(least, largest)', 'priors': '(mean, standard deviation)'}[what]
+    expected = {
+        'bounds': '(least, largest), least < largest',
+        'priors': '(mean, standard deviation), deviation above 0',
+    }[what]
     good = isinstance(pair, Sequence) and len(pair) == 2 and all(_is_bound(x) for x in pair)
-    good = good and (pair[0] < pair[1] if what == 'bounds' else is_number(pair[0]) and pair[1] > 0)
-    if not good:
-        raise InputError('not two numbers', key=f'{what}.{name}', value=pair, expected=expected)
+    fits = good and (pair[0] < pair[1] if what == 'bounds' else is_number(pair[0]) and pair[1] > 0)
+    if not fits:
+        message = 'not usable' if good else 'not two numbers'
+        raise InputError(message, key=f'{what}.{name}', value=pair, expected=expected)
 
 
 def _is_bound(x: Any) -> bool:

@@ -8,7 +8,9 @@ scene with any values of its numbers θ:
 
 so that its derivatives by θ, s and ν are solutions of linear equations, and exact. Y, Z and M are
 taken at q₀, and stay. A geared rotor is bound by rates alone, but no force depends on how far it
-has turned: its turn is no free number, and stays as in q₀.
+has turned: its turn is no free number, and stays as in q₀. The sums of gears, racks, threads and
+couplings are rows of Φ too, with their values at q₀, unless the recorded joints tell these: then
+they are free.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AssemblyError
 from alf_ros.model.compile import Model
+from alf_ros.model.constraints.meshing import integrals, slips
 from alf_ros.model.constraints.rotors import rotor_blocks
 from alf_ros.model.dense_linearisation import DEPENDENT
 from alf_ros.model.prescribed import prescribe
@@ -33,6 +36,7 @@ from alf_ros.studies.statics.sparse_rows import jacobian_blocks, mass_blocks, tu
 _MOST = 60  # iterations
 _CLOSED = 1e-10  # of the size: a start that stays open by more is none,
 _ROUNDING = 2e-15  # and one that is open by less is closed
+_TOLD = 1e-6  # of the largest singular value: what recorded joints see less of is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +64,9 @@ class DenseRows:
         rows = model.system.rows
         self._scale = rows.scale
         self.binds = np.arange(rows.alpha.size) < rows.alpha.size - rows.velocity
+        self._integrals = integrals(model.layout)
+        place = dict(zip(model.row_names, model.row.tolist(), strict=True))
+        self._meshes = [place[each.name] for each in self._integrals]
 
     def placed(self, q: Floats) -> tuple[Floats, Floats]:
         """q with the fixed and driven blocks of the model, and q̇ with those alone."""
@@ -73,6 +80,15 @@ class DenseRows:
         found = np.zeros(self._scale.size)
         kernel.violation(self.model.unit, self.model.system.rows, q, found)
         return found * self._scale
+
+    def unmeshed(self, before: Floats, q: Floats) -> tuple[Floats, Floats]:
+        """(meshes,) by how much gears and others have slipped from `before` to q, by less than
+        half a turn, and the gradient (meshes, n) of that."""
+        slip = slips(self._integrals, self.model.layout.dimension, before, q)
+        return slip * self._scale[self._meshes], self._meshing(q)
+
+    def _meshing(self, q: Floats) -> Floats:
+        return np.asarray(self.jacobian(q)[self._meshes, : self.model.n])
 
     def jacobian(self, q: Floats) -> Floats:
         """J (rows, blocks D)."""
@@ -105,6 +121,17 @@ class DenseRows:
         masses = np.diag(turns @ mass_blocks(self.model).dense() @ turns.T)
         return self._null_space(np.vstack([J, turns])), turns.T / np.sqrt(masses)
 
+    def in_mesh(self, q: Floats, of: Floats, told: Floats) -> tuple[Floats, Floats]:
+        """Of directions (n, k) of `motions` those that keep meshes, and those that do not: none of
+        these if all directions change the recorded joints, with the gradient `told` (joints, n)."""
+        seen = told @ of
+        least = _TOLD * float(np.linalg.norm(seen, 2)) if seen.size else 0.0
+        if not self._meshes or np.linalg.matrix_rank(seen, least) == of.shape[1]:
+            return of, of[:, :0]
+        _, s, Vt = np.linalg.svd(self._meshing(q) @ of)
+        rank = int((s > DEPENDENT * s.max(initial=1e-300)).sum())
+        return np.asarray(of @ Vt[rank:].T), np.asarray(of @ Vt[:rank].T)
+
     def _null_space(self, J: Floats) -> Floats:
         _, s, Vt = np.linalg.svd(J)
         V = Vt[int((s > DEPENDENT * s.max(initial=1e-300)).sum()) :].T
@@ -134,11 +161,14 @@ class StartChart:
         rows, n = DenseRows(model, t), model.n
         self.t, self.q, self.turns = t, q, turns
         M = mass_blocks(model).dense()
-        Y, turns_of_rotors = rows.motions(q)
+        Y, still = rows.motions(q)
+        if moves is not None:
+            Y, unmeshing = rows.in_mesh(q, Y, moves)
+        self._in_mesh = moves is not None and unmeshing.size > 0
         Z = rows.null_space(q, np.ones_like(rows.binds))
-        self._rotors = turns_of_rotors.shape[1]
+        self._still = still.shape[1]
         self._held, self._going = (
-            np.asarray((M @ np.hstack([Y, turns_of_rotors])).T),
+            np.asarray((M @ np.hstack([Y, still])).T),
             np.asarray((M @ Z).T),
         )
         self.positions, self.velocities = Y.shape[1], 0 if at_rest else Z.shape[1]
@@ -158,14 +188,18 @@ class StartChart:
         derivatives, s and ν behind them; None for no derivatives. Raises AssemblyError where
         there is no such state."""
         rows, n = DenseRows(model, self.t), model.n
-        s = np.concatenate([free[: self.positions], np.zeros(self._rotors)])
+        s = np.concatenate([free[: self.positions], np.zeros(self._still)])
         nu = np.zeros(len(self._going))
         nu[: self.velocities] = free[self.positions :]
         q, rates = rows.placed(self.q)
         gap = np.inf
         for _ in range(_MOST):
-            A = np.vstack([rows.jacobian(q)[rows.binds, :n], self._held])
-            off = np.concatenate([rows.gaps(q)[rows.binds], self._held @ (q - self.q)[:n] - s])
+            open_, A = rows.gaps(q)[rows.binds], rows.jacobian(q)[rows.binds, :n]
+            if self._in_mesh:
+                slip, turning = rows.unmeshed(rows.placed(self.q)[0], q)
+                open_, A = np.concatenate([open_, slip]), np.vstack([A, turning])
+            A = np.vstack([A, self._held])
+            off = np.concatenate([open_, self._held @ (q - self.q)[:n] - s])
             before, gap = gap, float(np.abs(off).max(initial=0.0))
             least = _CLOSED if gap >= 0.5 * before else _ROUNDING
             if gap <= least * model.size:
@@ -197,14 +231,18 @@ class StartChart:
         n, P, g, f = rows.model.n, len(slopes), self.positions, self.velocities
         dq, dqd = np.zeros((P + g + f, q.size)), np.zeros((P + g + f, q.size))
         position, velocity = np.linalg.pinv(A), inverse
-        binding = int(rows.binds.sum())
+        binding = len(A) - len(self._held)
         bent, widened = rows.turning(qd), np.zeros((len(rows.binds), P + g + f))
         for k, each in enumerate(slopes):
             if each.changes_rows or each.changes_drives:
                 opened, widened[:, k] = rows.opening(each, q, qd)
                 placed, going = each.placed(rows.model, rows.t)
                 dq[k, n:], dqd[k, n:] = placed[n:], going[n:]
-                dq[k, :n] = -position[:, :binding] @ opened[rows.binds]
+                opened = opened[rows.binds]
+                if self._in_mesh:
+                    # a ratio that changes: of the order of q - q₀, which the fit makes small
+                    opened = np.concatenate([opened, np.zeros(binding - opened.size)])
+                dq[k, :n] = -position[:, :binding] @ opened
         dq[P : P + g, :n] = position[:, binding : binding + g].T
         open_velocities = bent @ dq.T + widened + J[:, n:] @ dqd[:, n:].T
         dqd[:, :n] = -(velocity[:, : len(rows.binds)] @ open_velocities).T
