@@ -122,8 +122,11 @@ class DenseRows:
         return self._null_space(np.vstack([J, turns])), turns.T / np.sqrt(masses)
 
     def in_mesh(self, q: Floats, of: Floats, told: Floats) -> tuple[Floats, Floats]:
-        """Of directions (n, k) of `motions` those that keep meshes, and those that do not: none of
-        these if all directions change the recorded joints, with the gradient `told` (joints, n)."""
+        """Of directions (n, k) of `motions` those that keep meshes, and those that do not.
+
+        None of these if all directions change the recorded joints, with the gradient `told`
+        (joints, n).
+        """
         seen = told @ of
         least = _TOLD * float(np.linalg.norm(seen, 2)) if seen.size else 0.0
         if not self._meshes or np.linalg.matrix_rank(seen, least) == of.shape[1]:
