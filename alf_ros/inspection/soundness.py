@@ -359,9 +359,9 @@ def _place_of_start(here: Position, gained: int, dependent: int) -> Answer:
     if not here.is_driven and yields(here, dependent):
         count, names = yielding(here)
         text = (
-            f'not singular, but shaky wherever it goes: {_count(count, "freedom")} of the '
-            f'{len(here.free)} of velocity is held to second order only; {names} may yield, and '
-            'no finite reactions hold what pushes them there'
+            f'not singular, but shaky wherever it goes: rows hold {count} of the '
+            f'{_count(len(here.free), "freedom")} of velocity to second order only; {names} may '
+            'yield, and no finite reactions hold what pushes them there'
         )
         return Answer(NOTE, question, text)
     if gained <= 0:

@@ -24,10 +24,11 @@ def yields(here: Position, dependent: int) -> bool:
 
 def yielding(here: Position) -> tuple[int, str]:
     """How many they are at a position that `yields`, and what moves in them (names)."""
-    model, widest = here.model, max(here.branches, key=lambda each: each.dimension)
+    model = here.model
+    widest = max((branch.directions for branch in here.branches), key=len, default=here.free[:0])
     momenta = np.zeros((len(here.free), model.n))
     for direction, momentum in zip(here.free, momenta, strict=True):
         kernel.add_mass_times(model.unit, model.system.mass, 1.0, direction, momentum)
-    along: Floats = momenta @ widest.directions[:, : model.n].T
-    beside = here.free - along @ widest.directions
-    return len(here.free) - widest.dimension, branch_words.some_moving(model, beside)
+    along: Floats = momenta @ widest[:, : model.n].T
+    beside = here.free - along @ widest
+    return len(here.free) - len(widest), branch_words.some_moving(model, beside)

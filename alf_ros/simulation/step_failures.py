@@ -99,8 +99,8 @@ def _yielding(stepper: Stepper, present: Present) -> tuple[str, str] | None:
     if not yields(here, dependent):
         return None
     return (
-        f': it is shaky wherever it goes, {yielding(here)[1]} yield, and no finite reactions hold '
-        'what pushes them there',
+        f': it is shaky wherever it goes, {yielding(here)[1]} may yield, and no finite reactions '
+        'hold what pushes them there',
         'balance the forces on them, or leave redundant bodies or joints out',
     )
 

@@ -321,6 +321,16 @@ joints:
 """
 
 
+def check_it_leaves_as_alone(beside: Simulation, alone: Simulation) -> None:
+    """The loop, for 100 steps."""
+    for steps in (1, 5, 94):
+        alone.step(steps)
+        beside.step(steps)
+        for point in 'AB':
+            there = alone.sample().points[point]
+            assert beside.sample().points[point] == pytest.approx(there, abs=1e-11)
+
+
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43'])
 def test_a_flat_loop_beside_a_swing_leaves_as_it_does_alone(integrator: str) -> None:
     mechanism = yaml.safe_load(BESIDE)
@@ -329,12 +339,7 @@ def test_a_flat_loop_beside_a_swing_leaves_as_it_does_alone(integrator: str) -> 
     fallen = alone.sample().qdd[:4]
     assert np.abs(fallen).max() > 5.0
     assert beside.sample().qdd[:4] == pytest.approx(fallen, abs=1e-9)
-    for steps in (1, 5, 94):
-        alone.step(steps)
-        beside.step(steps)
-        for point in 'AB':
-            there = alone.sample().points[point]
-            assert beside.sample().points[point] == pytest.approx(there, abs=1e-11)
+    check_it_leaves_as_alone(beside, alone)
     assert beside.sample().energy == pytest.approx(32.0 / 3.0 - 4.905, abs=1e-8)
 
 
@@ -360,12 +365,7 @@ def test_a_flat_loop_beside_a_drive_that_begins_at_rest_leaves_as_it_does_alone(
     alone = Simulation(scene(mechanism, {}), integrator=integrator)
     beside = Simulation(scene(mechanism, {}, drives=drive), integrator=integrator)
     assert beside.sample().qdd[:4] == pytest.approx(alone.sample().qdd[:4], abs=1e-9)
-    for steps in (1, 5, 94):
-        alone.step(steps)
-        beside.step(steps)
-        for point in 'AB':
-            there = alone.sample().points[point]
-            assert beside.sample().points[point] == pytest.approx(there, abs=1e-11)
+    check_it_leaves_as_alone(beside, alone)
 
 
 def test_a_flat_loop_on_a_body_that_swings_is_named() -> None:

@@ -227,8 +227,7 @@ def test_a_plate_that_is_pushed_round_moves_right_or_says_so(
             assert turned(sim) < 1e-5
     except StepError as error:
         assert off > 1e-8
-        told = 'shaky wherever it goes' in error.reason or 'singular position' in error.reason
-        assert told
+        assert 'shaky wherever it goes' in error.reason or 'singular position' in error.reason
 
 
 @pytest.mark.parametrize('later', [False, True])
@@ -238,7 +237,7 @@ def test_a_moment_about_the_rods_is_refused_by_name(way: str, later: bool) -> No
     if later:
         sim.step(300)
     sim.apply_wrench('B0', [1.0, 2.0, 0.0])
-    with pytest.raises(StepError, match='shaky wherever it goes, B0, B1, B2, B3.*yield'):
+    with pytest.raises(StepError, match='shaky wherever it goes, B0, B1, B2, B3.*may yield'):
         sim.step(100)
 
 
@@ -260,12 +259,10 @@ def test_statics_name_what_counts_as_free() -> None:
     assert rest.points['C'] == pytest.approx([*np.mean(FEET['four'], axis=0), -LENGTH], abs=1e-9)
     weight, mass = (PLATE + 4.0 * ROD / part for part in (2.0, 3.0))
     swing = math.sqrt(G * weight / mass / LENGTH) / (2.0 * math.pi)
-    for frequencies, notes in (
-        (rest.frequencies, rest.notes),
-        (linearise(rest).frequencies, linearise(rest).notes),
-    ):
-        assert np.sum(np.abs(frequencies - swing) < 1e-9) == 2
-        assert any('rows hold 1 of the directions to second order only' in note for note in notes)
+    for found in (rest, linearise(rest)):
+        assert np.sum(np.abs(found.frequencies - swing) < 1e-9) == 2
+        told = 'rows hold 1 of the directions to second order only'
+        assert any(told in note for note in found.notes)
 
 
 def pin(one: str, other: str, at: str) -> dict[str, Any]:
@@ -312,7 +309,7 @@ def test_a_pendulum_on_two_bars_in_line_pulls_them_where_they_yield(
     scene = hung_up(angle, 1.0)
     if not weight:
         del scene['effects']
-    with pytest.raises(StepError, match='shaky wherever it goes, C, D yield'):
+    with pytest.raises(StepError, match='shaky wherever it goes, C, D may yield'):
         Simulation(load_scene(scene), step=1e-3).step(100)
 
 
@@ -334,6 +331,6 @@ def test_check_tells_how_many_directions_yield() -> None:
     by_question = {answer.question: answer for answer in found.answers}
     told = by_question['initial position']
     assert found.sound and told.verdict == NOTE
-    assert 'shaky wherever it goes: 1 freedom of the 2' in told.answer
+    assert 'shaky wherever it goes: rows hold 1 of the 2 freedoms of velocity' in told.answer
     assert by_question['mobility'].answer == '2 freedoms of velocity, 1 of position'
     assert 'initial velocities' not in by_question  # it leaves on no branch

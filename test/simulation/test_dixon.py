@@ -1,5 +1,5 @@
 """Dixon's mechanism of the first kind (1899): bars from each point of one line to each point of a
-line across. Counted it has fewer freedoms than none, and it moves."""
+line across. By the count of its bars it is a structure with bars to spare, and it moves."""
 
 from __future__ import annotations
 

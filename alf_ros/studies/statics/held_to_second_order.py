@@ -22,4 +22,5 @@ def held_to_second_order(instant: Instant) -> list[str]:
     if not yields(here, dependent):
         return []
     count, names = yielding(here)
-    return [f'rows hold {count} of the directions to second order only: {names} yield, as if free']
+    held = f'rows hold {count} of the directions to second order only'
+    return [f'{held}: {names} may yield, as if free']
