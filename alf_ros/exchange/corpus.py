@@ -22,7 +22,8 @@ from typing import Any, TextIO
 from alf_ros.errors import AlfError, printable
 from alf_ros.exchange import urdf_with_loops, usd_stage
 from alf_ros.exchange.import_file import WITHOUT_GROUND, format_of, imported
-from alf_ros.inspection.soundness import BAD, TooLarge, examine
+from alf_ros.inspection.answer import BAD
+from alf_ros.inspection.soundness import TooLarge, examine
 from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation.simulation import Simulation
 

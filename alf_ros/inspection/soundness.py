@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
+from alf_ros.inspection.answer import BAD, NOTE, OK, Answer, counted, some
 from alf_ros.inspection.branches_report import Branches, reported
 from alf_ros.inspection.missing_meshes import missing_meshes
 from alf_ros.inspection.position_sweep import Sweep, sweep
 from alf_ros.inspection.potentials import unlike_forces
+from alf_ros.inspection.start_answers import dependent_rows, start_answers
 from alf_ros.model import assembly, ordinary_positions, singular_branches
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.drives import offset
@@ -35,21 +37,10 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation.bearing_shares import BearingShares, has_bearings
 from alf_ros.simulation.packed_effects import loaded
 from alf_ros.simulation.reactions import Reactions
-from alf_ros.simulation.simulation import Simulation
 
-OK, NOTE, BAD = 'ok', 'note', 'BAD'
 LARGEST = 4000  # coordinates: matrices are dense here
 _WIDTH = 100  # characters of a line of the table
 _KINDS = 6  # of singular positions in it
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One line of the table: ok, note (worth knowing) or BAD (not sound)."""
-
-    verdict: str
-    question: str
-    answer: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +74,7 @@ def examine(scene: Scene) -> Soundness:
     Raises AssemblyError if nothing moves or has mass, TooLarge if it has too many coordinates.
     """
     found, missing = _mechanics(scene), missing_meshes(scene.mechanism)
-    told = Answer(NOTE, 'meshes', f'not drawn: {_list(missing)}')
+    told = Answer(NOTE, 'meshes', f'not drawn: {some(missing)}')
     return replace(found, answers=(*found.answers, told)) if missing else found
 
 
@@ -110,7 +101,7 @@ def _mechanics(scene: Scene) -> Soundness:
     answers += _drives(scene, at, usual.model.n - usual.rank)
     answers += [*_reactions(scene, usual), _mass(at)]
     known_bad = any(answer.verdict == BAD for answer in answers)
-    answers += _start(scene, here, known_bad)
+    answers += start_answers(scene, here, known_bad)
     singular = _examined(accustomed, walk)
     answers += [*_on_the_way(usual, walk, singular), *_energy(scene, usual.model, walk)]
     return Soundness(model, at.q, tuple(answers), walk, usual.model.n - usual.rank, singular)
@@ -171,7 +162,7 @@ def _closing(at: Linearised) -> Answer:
     far.sort(key=lambda name: -by_point[name])
     if not far:
         return Answer(OK, 'loops', 'closed as drawn')
-    listed = _list([f'{name} {by_point[name]:.3g} m' for name in far])
+    listed = some([f'{name} {by_point[name]:.3g} m' for name in far])
     verdict = NOTE if by_point[far[0]] > 0.01 * model.size else OK
     return Answer(verdict, 'loops', f'closed; moved from the drawing by {listed}')
 
@@ -179,12 +170,12 @@ def _closing(at: Linearised) -> Answer:
 def _size(at: Linearised) -> Iterator[Answer]:
     model = at.model
     velocity = model.system.rows.velocity
-    rows = f'{_count(len(model.row_names), "constraint row")}, rank {at.rank}'
+    rows = f'{counted(len(model.row_names), "constraint row")}, rank {at.rank}'
     if velocity:
         rows += f'; {velocity} of velocities'
     points = sum(not point.fixed for point in model.mechanism.points)
     vectors = sum(not vector.fixed for vector in model.mechanism.vectors)
-    of = _count(points, 'point') + (f' and {_count(vectors, "vector")}' if vectors else '')
+    of = counted(points, 'point') + (f' and {counted(vectors, "vector")}' if vectors else '')
     yield Answer(OK, 'size', f'{model.n} coordinates of {of}; {rows}')
 
 
@@ -192,9 +183,9 @@ def _mobility(usual: Linearised, here: Position) -> Answer:
     freedoms = usual.model.n - usual.rank
     if not freedoms:
         return Answer(BAD, 'mobility', 'none: it is a structure and cannot move')
-    text = _count(freedoms, 'freedom')
+    text = counted(freedoms, 'freedom')
     places = usual.model.n - usual.rank_of_positions
-    if yields(here, _dependent(here.model)):
+    if yields(here, dependent_rows(here.model)):
         places -= yielding(here)[0]
     if places != freedoms:
         text += f' of velocity, {places} of position'
@@ -219,7 +210,7 @@ def _drives(scene: Scene, at: Linearised, freedoms: int) -> Iterator[Answer]:
         yield Answer(BAD, 'drives', f'{error.message}{begins}')
         return
     left = model.n - there.rank
-    text = f'{_count(motions, "motion")} for {_count(freedoms, "freedom")}'
+    text = f'{counted(motions, "motion")} for {counted(freedoms, "freedom")}'
     if freedoms - left < motions:
         yield Answer(BAD, 'drives', f'{text}: they take {freedoms - left} only, and jam elsewhere')
         return
@@ -255,7 +246,7 @@ def _redundant(usual: Linearised) -> Answer:
         return Answer(OK, 'redundant rows', 'none')
     owner = _owners(usual.model)
     names = list(dict.fromkeys(owner[usual.model.row_names[row]] for row in usual.dependent))
-    return Answer(NOTE, 'redundant rows', f'{count}, among the rows of {_list(names)}')
+    return Answer(NOTE, 'redundant rows', f'{count}, among the rows of {some(names)}')
 
 
 def _reactions(scene: Scene, usual: Linearised) -> Iterator[Answer]:
@@ -284,13 +275,13 @@ def _reactions(scene: Scene, usual: Linearised) -> Iterator[Answer]:
         shared = ', shared by bearings' if has_bearings(model) else ''
         yield Answer(OK, 'reactions', f'all determinate{shared}')
         return
-    yield Answer(NOTE, 'reactions', f'not determined by {cause}: {_list(names)}')
+    yield Answer(NOTE, 'reactions', f'not determined by {cause}: {some(names)}')
     open_forces = np.asarray(flags[:, : model.layout.dimension].any(axis=1))
     loads = {each.name: model.joint_names.index(each.joint.name) for each in model.coordinates}
     pairs = ((effect.label, loaded(effect)) for effect in scene.effects)
     rubbing = [label for label, name in pairs if name is not None and open_forces[loads[name]]]
     if rubbing:
-        text = f'{_list(rubbing)}: loads that are not determined, so the motion is one of many'
+        text = f'{some(rubbing)}: loads that are not determined, so the motion is one of many'
         yield Answer(
             NOTE, 'friction', f'{text}; give a `load`, or leave one of the redundant joints out'
         )
@@ -311,92 +302,19 @@ def _mass(at: Linearised) -> Answer:
         return Answer(OK, 'mass', 'in every free direction')
     names = moving(at.model, at.massless[:, 0])
     points = [name for name in names if name in at.model.layout.of_point]
-    cure = f'give mass to the bodies that carry {_list(points)}'
+    cure = f'give mass to the bodies that carry {some(points)}'
     if not points:
         bodies = [body.name for body in at.model.mechanism.bodies if {*names} & {*body.vectors}]
-        cure = f'{_list(bodies)} may turn without inertia'
-    return Answer(BAD, 'mass', f'none in {_count(count, "free direction")}: {cure}')
-
-
-def _start(scene: Scene, here: Position, is_known_bad: bool) -> Iterator[Answer]:
-    """Whether the scene's start is one that a motion begins with, as the simulation judges it.
-
-    `here`: of the model without drives, which knows its ordinary values.
-    """
-    solver = replace(scene.solver, accuracy=None, formulation='alf2')
-    simulation, fault = None, None
-    try:
-        simulation = Simulation(replace(scene, solver=solver))
-    except AssemblyError as error:
-        fault = error
-    dependent = _dependent(here.model)
-    gained = len(here.lost) - dependent
-    if simulation is not None and simulation.singular_start is not None:
-        if not scene.mechanism.drives or simulation.singular_start.is_driven:
-            here, gained = simulation.singular_start, max(gained, 1)
-    if simulation is not None and simulation.adjustment is not None:
-        yield Answer(NOTE, 'redundant lengths', str(simulation.adjustment))
-    yield _place_of_start(here, gained, dependent)
-    question = 'initial velocities'
-    if simulation is None:
-        of_velocities = fault is not None and fault.key == 'initial.velocities'
-        if fault is not None and (of_velocities or not is_known_bad):
-            yield Answer(BAD, question if of_velocities else 'start', fault.message)
-    elif simulation.state.qd[: simulation.model.n].any():
-        yield Answer(OK, question, 'fit the constraints')
-    elif simulation.resolution.unexamined:
-        yield Answer(NOTE, question, simulation.resolution.unexamined)
-    elif simulation.singular_start is not None and not yields(here, dependent):
-        yield _from_rest(here, simulation)
-
-
-def _place_of_start(here: Position, gained: int, dependent: int) -> Answer:
-    question = 'initial position'
-    if here.kind == singular_branches.SHAKY and not any(b.dimension for b in here.branches):
-        names = _list(moving(here.model, here.free[0, : here.model.n]))
-        text = f'infinitesimally mobile only (shaky): {names} may yield, but no motion begins'
-        return Answer(BAD, question, text)
-    if not here.is_driven and yields(here, dependent):
-        count, names = yielding(here)
-        text = (
-            f'not singular, but shaky wherever it goes: rows hold {count} of the '
-            f'{_count(len(here.free), "freedom")} of velocity to second order only; {names} may '
-            'yield, and no finite reactions hold what pushes them there'
-        )
-        return Answer(NOTE, question, text)
-    if gained <= 0:
-        return Answer(OK, question, 'not singular')
-    text = reported(here, dependent).text
-    return Answer(
-        NOTE, question, f'singular: {_count(gained, "freedom")} more than around it; {text}'
-    )
-
-
-def _from_rest(here: Position, simulation: Simulation) -> Answer:
-    """Result of the rule for a start at rest in a singular position."""
-    question, departure = 'initial velocities', simulation.departure
-    if departure is not None:
-        alone = here.described(None, [departure])
-        number = f'branch {here.number(departure)}, ' if len(here.branches) > 1 else ''
-        text = f'at rest: leaves along {number}{alone}, where forces do most'
-        return Answer(NOTE, question, text)
-    if here.kind in (singular_branches.CURVED, singular_branches.MANY):
-        text = 'at rest: a force starts the branch that is nearest to its acceleration'
-        return Answer(NOTE, question, text)
-    return Answer(OK, question, 'at rest, and stays there: no force acts along a branch')
+        cure = f'{some(bodies)} may turn without inertia'
+    return Answer(BAD, 'mass', f'none in {counted(count, "free direction")}: {cure}')
 
 
 def _examined(model: Model, walk: Sweep) -> tuple[Branches, ...]:
     """The kinds of the singular positions of a walk, which become exact in `walk.singular`;
     `model` knows its ordinary values."""
     walk.singular[:] = [located(model, q) for q in walk.singular]
-    count = _dependent(model)
+    count = dependent_rows(model)
     return tuple(reported(singular_branches.position(model, q), count) for q in walk.singular)
-
-
-def _dependent(model: Model) -> int:
-    """How many rows depend on others at ordinary positions."""
-    return len(model.row_names) - round(model.system.rank)
 
 
 def _on_the_way(usual: Linearised, walk: Sweep, singular: Sequence[Branches]) -> Iterator[Answer]:
@@ -426,7 +344,7 @@ def _energy(scene: Scene, model: Model, walk: Sweep) -> Iterator[Answer]:
     """Whether potentials of effects of users belong to their forces."""
     unlike = list(unlike_forces(scene, model, walk.positions))
     if unlike:
-        text = f'at rest a force is not the slope of its potential: {_list(unlike)}'
+        text = f'at rest a force is not the slope of its potential: {some(unlike)}'
         yield Answer(NOTE, 'energy', text)
 
 
@@ -452,11 +370,3 @@ def _owners(model: Model) -> dict[str, str]:
         owner.update((row.name, joint.name) for row in joint_rows(joint, model.layout))
     owner.update((coupling.name, coupling.name) for coupling in model.mechanism.couplings)
     return owner
-
-
-def _list(names: Sequence[str], most: int = 6) -> str:
-    return ', '.join(names[:most]) + (f' and {len(names) - most} more' if names[most:] else '')
-
-
-def _count(n: int, what: str, plural: str = 's') -> str:
-    return f'{n} {what}{"" if n == 1 else plural}'

@@ -15,8 +15,9 @@ import pytest
 
 from alf_ros import AssemblyError, Branches, InputError, Simulation, branches, load_scene
 from alf_ros import __main__ as program
+from alf_ros.inspection.answer import NOTE
 from alf_ros.inspection.branches_report import reported
-from alf_ros.inspection.soundness import NOTE, examine
+from alf_ros.inspection.soundness import examine
 from alf_ros.model import ordinary_positions, singular_branches
 from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene

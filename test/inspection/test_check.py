@@ -15,7 +15,8 @@ from matplotlib.image import imread
 from alf_ros import Simulation, load_scene
 from alf_ros import __main__ as program
 from alf_ros.inspection import mechanism_plot
-from alf_ros.inspection.soundness import BAD, NOTE, OK, Soundness, examine, table
+from alf_ros.inspection.answer import BAD, NOTE, OK
+from alf_ros.inspection.soundness import Soundness, examine, table
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.resources import folder
 from alf_ros.scene.library import load

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from alf_ros import load_scene
-from alf_ros.inspection.soundness import BAD, NOTE, OK, examine
+from alf_ros.inspection.answer import BAD, NOTE, OK
+from alf_ros.inspection.soundness import examine
 from support.singular_starts import (
     IN_LINE,
     answers,

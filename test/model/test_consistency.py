@@ -10,7 +10,8 @@ import pytest
 
 from alf_ros import AssemblyError, Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.inspection.soundness import BAD, NOTE, examine
+from alf_ros.inspection.answer import BAD, NOTE
+from alf_ros.inspection.soundness import examine
 from support.hinge_loop import hinge_loop
 from support.thorough import LONG, combined, thinned
 

@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from alf_ros import AssemblyError, Simulation, load_scene
-from alf_ros.inspection.soundness import NOTE
+from alf_ros.inspection.answer import NOTE
 from alf_ros.model import assembly, singular_branches, singular_start
 from alf_ros.resources import library
 from alf_ros.scene.scene import INTEGRATORS, Scene, scene_from_text

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.inspection.soundness import BAD
+from alf_ros.inspection.answer import BAD
 from alf_ros.scene.scene import INTEGRATORS
 from alf_ros.studies.exact import one_freedom
 from support.singular_starts import (

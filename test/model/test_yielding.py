@@ -19,7 +19,8 @@ from alf_ros import (
     load_scene,
 )
 from alf_ros.arrays import Floats
-from alf_ros.inspection.soundness import NOTE, examine
+from alf_ros.inspection.answer import NOTE
+from alf_ros.inspection.soundness import examine
 from support.thorough import combined, thinned
 
 G = 9.81

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from alf_ros import Simulation
-from alf_ros.inspection.soundness import NOTE, examine
+from alf_ros.inspection.answer import NOTE
+from alf_ros.inspection.soundness import examine
 from alf_ros.ros.simulator import diagnostics
 from alf_ros.scene.scene import scene_from_text
 
