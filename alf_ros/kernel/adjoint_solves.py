@@ -205,11 +205,3 @@ def take_mass_back(adjoint: Adjoint, s: float, u: Floats, v: Floats) -> None:
         i, j = mass.i[mass.skew[n]] * D, mass.j[mass.skew[n]] * D
         across = u[i] * v[j + ONE] - u[i + ONE] * v[j]
         adjoint.mass_w[n] -= s * (across - u[j] * v[i + ONE] + u[j + ONE] * v[i])
-
-
-@inner
-def restore_position(adjoint: Adjoint, q: Floats, qd: Floats, first: np.uint64) -> None:
-    """q and q̇ (all blocks D) of a vector of many, from number `first` on, into `work`."""
-    work = adjoint.tangents.problem.work
-    for a in range(work.q.size):
-        work.q[a], work.qd[a] = q[first + a], qd[first + a]

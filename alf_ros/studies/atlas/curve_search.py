@@ -47,8 +47,7 @@ class CurveSearch:
     drawn (blocks D, m): around which random starts are; starts: how many there were, vain: of them
     since the last find, finds: how many found something new; hits: how many starts closed on each
     piece; closed_starts: starts that closed at all; mirrored: of these with a body as its mirror
-    image; singular_starts: of these in a singular position; rigid_starts: where redundant rows let
-    nothing move.
+    image; rigid_starts: where redundant rows let nothing move.
     """
 
     space: CurveSpace
@@ -62,7 +61,6 @@ class CurveSearch:
     finds: int = 0
     closed_starts: int = 0
     mirrored: int = 0
-    singular_starts: int = 0
     rigid_starts: int = 0
     _left: list[set[int]] = field(default_factory=list)  # directions of a node not followed yet
 
@@ -81,7 +79,6 @@ class CurveSearch:
             self.rigid_starts += 1
             return
         if at.rank < space.rank or space.sigma(at) < BESIDE:
-            self.singular_starts += 1
             return
         known = self._piece_at(q)
         if known >= 0:

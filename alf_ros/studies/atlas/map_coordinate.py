@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,9 +89,3 @@ def coordinate_named(mechanism: Mechanism, name: str, key: str) -> MapCoordinate
         moving = [f'points.{each}' for each in moving]
     choices = [*mechanism.coordinate, *moving]
     raise InputError('no such coordinate', key=key, value=name, choices=choices)
-
-
-def unwrapped(values: Sequence[float] | Floats, is_angle: bool) -> Floats:
-    """Values along a curve, angles with their turns counted from the first."""
-    found = np.asarray(values, dtype=float)
-    return np.unwrap(found) if is_angle else found
