@@ -48,18 +48,20 @@ class RowLengths:
     def masses(self, diagonal: Floats, mean: float | Floats, blocks: int) -> Floats:
         """(rows,) Φ_q,r M⁻¹ Φ_q,rᵀ: one over the mass that a row moves, about its lightest block.
 
-        M is replaced by its `diagonal` (movable,), and missing masses by their `mean`; of several
-        mechanisms (members, movable) and (members,). blocks: how many there are, fixed ones too.
+        M is replaced by its `diagonal` (movable,), and masses that are missing, or of fixed blocks,
+        by their `mean`; of several mechanisms (members, movable) and (members,). blocks: how many
+        there are, fixed ones too.
         """
         several, rows = diagonal.shape[:-1], self._rows
-        light = np.zeros((*several, blocks))  # 1 / mass of each block; fixed ones do not move
         instead = mean[..., None] if isinstance(mean, np.ndarray) else mean
+        light = np.ones((*several, blocks)) / instead  # 1 / mass of each block
         light[..., : diagonal.shape[-1]] = 1.0 / np.where(diagonal > 0.0, diagonal, instead)
         i, j = self._square * light[..., rows.i], self._square * light[..., rows.j]
         return self._sums(i, j, self._entry * light[..., rows.block])
 
     def _sums(self, i: Floats, j: Floats, entries: Floats) -> Floats:
-        """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts."""
+        """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts; over the fixed ones of
+        a row that binds no others."""
         rows = self._rows
         both, bars = int(rows.both), rows.i.size
         total = np.zeros((*i.shape[:-1], rows.alpha.size))
@@ -76,7 +78,9 @@ class RowLengths:
 
 @remembered(64)
 def _of_one_length(first: Indices, movable: Indices) -> list[tuple[Integers, Integers]]:
-    """Rows that have as many movable entries (rows,), and their entries (rows, entries)."""
-    start, count = first[:-1].astype(np.int64), (movable - first[:-1]).astype(np.int64)
+    """Rows that have as many movable entries (rows,), and their entries (rows, entries); the fixed
+    ones of rows without movable ones."""
+    start, end = first[:-1].astype(np.int64), movable.astype(np.int64)
+    count = np.where(end > start, end, first[1:].astype(np.int64)) - start
     groups = ((np.flatnonzero(count == m), np.arange(m)) for m in np.unique(count).tolist())
     return [(own, start[own, None] + entries) for own, entries in groups]
