@@ -85,7 +85,8 @@ def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None
         home = at.q[:n] - start.q[:n]
         far = np.linalg.norm(gone)
         alone = n - rank == 1
-        if alone and count > 2 and np.linalg.norm(home) <= 1.01 * far and home @ gone > -1e-9:
+        near = np.linalg.norm(home) <= 1.01 * far and home @ gone > -1e-9 * far**2
+        if alone and count > 2 and near:
             found.whole = True
             return
         left -= far / longest

@@ -48,9 +48,9 @@ class RowLengths:
     def masses(self, diagonal: Floats, mean: float | Floats, blocks: int) -> Floats:
         """(rows,) Φ_q,r M⁻¹ Φ_q,rᵀ: one over the mass that a row moves, about its lightest block.
 
-        M is replaced by its `diagonal` (movable,), and masses that are missing, or of fixed blocks,
-        by their `mean`; of several mechanisms (members, movable) and (members,). blocks: how many
-        there are, fixed ones too.
+        M is replaced by its `diagonal` (movable,), and missing masses by their `mean`, also fixed
+        blocks; of several mechanisms (members, movable) and (members,). blocks: how many there
+        are, fixed ones too.
         """
         several, rows = diagonal.shape[:-1], self._rows
         instead = mean[..., None] if isinstance(mean, np.ndarray) else mean
