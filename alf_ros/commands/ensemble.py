@@ -16,6 +16,7 @@ from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.simulation.quantities import ONE_OF_MANY
 from alf_ros.studies.ensemble import report_file
+from alf_ros.studies.ensemble.chunk import REASON
 from alf_ros.studies.ensemble.ensemble import Progress, conduct, crew
 from alf_ros.studies.ensemble.member import trouble_of
 from alf_ros.studies.ensemble.store import EnsembleStore
@@ -25,7 +26,8 @@ from alf_ros.studies.ensemble.summary_page import page
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a study; returns 0, or 1 if a logged member fails. Raises InputError, AlfError."""
+    """Run a study; returns 0, or 1 if a logged member fails, or all of them do. Raises
+    InputError, AlfError."""
     parser = Parser(
         command='ensemble',
         description='Run a scene many times, each time with other numbers. The store keeps the '
@@ -84,6 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with parser.naming(), EnsembleStore(folder, study) as store:
         found = page(lines.last, store.finished(), report_file.mark_of(folder))
         written = _write(report, found, options.report, store.is_writable)
+        first = next(store.finished()).arrays[REASON.name][0]
     where = f'{folder} and {options.report or report.name}' if written else f'{folder}'
     print(f'{where}: {study.members} members, {lines.last.failed} failed')
     if study.indeterminate:
@@ -91,6 +94,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     said = trouble_of(study, 0)
     if said:
         print(f'member 0: {said}', file=sys.stderr)
+    if lines.last.failed == study.members:
+        print(f'no member has reached its end; the first one: {first}', file=sys.stderr)
+        return 1
     return 0
 
 
@@ -176,7 +182,7 @@ class _Lines:
                 print(f'{name}: of no member')
                 continue
             print(
-                f'{name}: {told.mean:.6g} ± {told.deviation:.3g} {unit}'.rstrip()
+                f'{name}: {told.middle(6, 3)} {unit}'.rstrip()
                 + f', median {told.quantiles[2]:.6g}, least {told.least[0]:.6g} (member '
                 f'{told.least[1]}), largest {told.largest[0]:.6g} (member {told.largest[1]})'
             )
@@ -186,4 +192,4 @@ def _first(progress: Progress) -> str:
     """The first number so far."""
     name = next(iter(progress.statistics.numbers), None)
     told = progress.statistics.summary(name) if name else None
-    return f'; {name} {told.mean:.4g} ± {told.deviation:.2g}' if told else ''
+    return f'; {name} {told.middle(4, 2)}' if told else ''

@@ -21,6 +21,8 @@ from alf_ros.studies.identification.identification import identify
 from alf_ros.studies.identification.identified import check_folder
 from alf_ros.studies.identification.recorded_names import Topics
 
+_NAMED = {'priors': '--prior', 'design duration': '--design-duration'}
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Fit; returns 0, or 1 if the fit does not settle. Raises InputError, AlfError."""
@@ -119,12 +121,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not options.design:
         refuse_given(options, ('design_duration',), 'has no meaning without --design')
     else:  # faults of candidates are told before the fit
-        with parser.naming():
+        with parser.naming(**_NAMED):
             checked_duration(options.design_duration)
             candidates(options.design, scene, options.fit, topics)
     folder = paths.named(options.output, '--output')
     check_folder(folder, scene, bool(options.design), '--output')
-    with parser.naming(priors='--prior'), ProgressBar('identify') as bar:
+    with parser.naming(**_NAMED), ProgressBar('identify') as bar:
         found = identify(
             scene,
             options.recordings,

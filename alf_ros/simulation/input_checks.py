@@ -76,6 +76,32 @@ def numbers(
     raise InputError('not usable', key=key, value=value, expected=wanted)
 
 
+def closed(given: str, key: str) -> str:
+    """The text, such as 'max(norm(knee.force))'. Raises InputError if one of its parentheses has
+    no other half, with the text as it may be meant."""
+    begun: list[int] = []
+    for n, character in enumerate(given):
+        if character == '(':
+            begun.append(n)
+        elif character == ')' and begun:
+            begun.pop()
+        elif character == ')':
+            raise InputError(
+                f"the ')' behind {given[:n]!r} closes nothing",
+                key=key,
+                value=given,
+                expected=repr(given[:n] + given[n + 1 :]),
+            )
+    if begun:
+        raise InputError(
+            f"nothing closes the '(' behind {given[: begun[-1]]!r}",
+            key=key,
+            value=given,
+            expected=repr(given + ')' * len(begun)),
+        )
+    return given
+
+
 def steps_of(duration: Any, h: float, before: int) -> int:
     """How many steps of h (s) a duration (s) is, after those `before`. Raises InputError."""
     steps = number(duration, 'duration', 0.0) / h

@@ -14,6 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.simulation.input_checks import closed
 from alf_ros.simulation.named_quantity import NamedQuantity, named_quantity
 from alf_ros.simulation.sample import Sample
 
@@ -45,7 +46,7 @@ def named_number(text: str, key: str, sample: Sample, others: Sequence[str] = ()
     """The number of a text, for samples of the same scene. `others`: functions that its caller
     reads, which the refusal of an unknown one names. Raises InputError, which says `key`, also for
     one without a derivative."""
-    text = text.strip()
+    text = closed(text.strip(), key)
     called = CALL.fullmatch(text)
     if called and called[1] not in _SIZES:
         choices = (*_SIZES, *others)

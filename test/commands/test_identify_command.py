@@ -46,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ([*FIT, '--loss', 'hubr'], "invalid choice: 'hubr'"),
         ([*FIT, '--hold-out', '0.5'], 'no windows to keep away, or none to fit'),
         ([*FIT, '--design', 'gravit.acceleration.1=-5'], "did you mean 'gravity'?"),
-        ([*FIT, '--design', 'pendulum', '--design-duration', '0'], 'design duration: out of'),
+        ([*FIT, '--design', 'pendulum', '--design-duration', '0'], '--design-duration: out of'),
         (
             [*FIT, '--design-duration', '1'],
             '--design-duration: has no meaning without --design',

@@ -117,7 +117,7 @@ def test_what_cannot_be_written_is_told_before_the_search(
         (' value: 0.2', '\n  value: x', 'study.yaml:4: minimise.value'),
         ('[~, 2.0 + 0.5]', '[3, 2]', 'study.yaml:4: subject_to'),
         ('0.6', '-1', 'study.yaml:5: duration'),
-        ('block.yaml', 'blocks.yaml', 'blocks.yaml'),
+        ('block.yaml', 'blocks.yaml', 'study.yaml:1: scene: no such file, got '),
         ('value: 0.2', 'value: -0.5', 'rail.position does not cross -0.5'),
     ],
 )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from alf_ros import identify
+from alf_ros import identify, recorded
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.studies.identification.recording_reader import read_recording
@@ -48,6 +48,22 @@ def test_measurements_in_two_recordings_count_once(tmp_path: Path) -> None:
     rest = written(tmp_path / 'rest', _states(59))
     found = identify(scene(), [early, rest], ['coupler.mass'], window=0.4)
     assert found['coupler.mass'] == pytest.approx(1.3, rel=1e-6)
+
+
+def test_equal_arrays_count_once(tmp_path: Path) -> None:
+    """Arrays were counted twice. Those that differ in one value, or go on, are another run."""
+    t, x = np.arange(101) * 0.01, _positions()
+    angles = dict(zip(JOINTS, x.T, strict=True))
+    first, second = recorded(t, angles), recorded(t, angles)
+    bag = read_recording(written(tmp_path / 'bag', _states()), scene())
+    for pair in ([first, second], [first, first], [bag, first], [first, bag]):
+        with pytest.raises(InputError, match='has the same measurements as .* count twice'):
+            identify(scene(), pair, FIT, window=0.5)
+    moved = {**angles, 'guide': angles['guide'] + np.where(t == 0.5, 1e-9, 0.0)}
+    longer = recorded(t[:-1], {name: values[:-1] for name, values in angles.items()})
+    for other in (recorded(t, moved), longer):
+        found = identify(scene(), [first, other], ['coupler.mass'], window=0.5)
+        assert found['coupler.mass'] == pytest.approx(1.3, rel=1e-6)
 
 
 def test_other_measurements_at_the_same_stamps_are_others(tmp_path: Path) -> None:

@@ -282,6 +282,8 @@ def test_an_output_has_the_label_function(tmp_path):
     'was, becomes, said',
     [
         ('solver: {step', 'solver: {stp', ":3: scene.solver.stp: unknown key, got 'stp'; did you"),
+        (INLINE[: INLINE.index('vary')], 'scene: no.yaml\n', ':1: scene: no such file, got '),
+        ('{L: [0.5, 0.6]}', 'no.csv', ':4: vary: no such file, got '),
         ('sampling: grid', 'sampling: lhs', ': members: how many?; expected a whole number'),
         ('duration: 0.1', 'outputs: [{at: 11, of: energy}]', ':6: outputs.energy_at: after the'),
         ('duration: 0.1', 'outputs: [{at: 0.1}]', ':6: outputs.of: not the name of a quantity'),

@@ -334,6 +334,13 @@ def test_a_single_number_has_all_of_the_influence(tmp_path: Path) -> None:
         ([{'crossing': 'energy', 'direction': None}], 'direction: nothing given; known: both'),
         ([{'crossing': 'energy', 'valeu': 1}], "crossing: unknown key, got 'valeu'; did you mean"),
         ({'1st': 'energy'}, "outputs: not a label, got '1st'"),
+        (
+            ['max(energy'],
+            "outputs: nothing closes the '(' behind 'max', got 'max(energy'; expected",
+        ),
+        (['max(norm(a.b)'], "outputs: nothing closes the '(' behind 'max', got 'max(norm(a.b)'; "),
+        ({'a': 'max(e))'}, "outputs: the ')' behind 'max(e)' closes nothing, got 'max(e))'; exp"),
+        ([{'at': [0.1], 'of': 'norm(a'}], "outputs.of: nothing closes the '(' behind 'norm', g"),
         ({'t': 'energy'}, "outputs: a label that each store has, got 't'; expected another"),
         ([{'function': 'nowhere'}], "function: not a function, got 'nowhere'"),
         ([{'function': abs, 'reads': 1}], 'reads: not a list of names, got 1'),

@@ -380,6 +380,36 @@ def test_an_option_that_cannot_be_is_named(short, tmp_path, capsys, options, sai
     assert 'short.yaml:7: members: ' in capsys.readouterr().err
 
 
+def test_a_folder_that_cannot_be_made_is_one_line(short, capsys) -> None:
+    """It was said to have been removed while the study ran."""
+    assert short('--store', '/proc/run.zarr') == 2
+    told = capsys.readouterr().err
+    assert told == (
+        'alf_ros ensemble: --store: cannot be written: No such file or directory, got '
+        "'/proc/run.zarr'\n"
+    )
+
+
+def test_a_single_member_has_no_deviation(short, tmp_path, capsys) -> None:
+    assert short('--store', 'run.zarr') == 0
+    told = capsys.readouterr()
+    assert 'J, median ' in told.out and '±' not in told.out + told.err
+    page = (tmp_path / 'run.html').read_text('utf-8')
+    assert ' of 1 member<' in page and '±' not in page
+
+
+def test_members_of_which_none_reaches_its_end_are_told_last(short, tmp_path, capsys) -> None:
+    """The command ended with 0, and the reason was in the report alone."""
+    (tmp_path / 'own.py').write_text("def bad(run):\n    raise ValueError('as said')\n", 'utf-8')
+    study = SHORT.replace('final(energy)', "{function: 'own.py:bad', reads: [energy]}")
+    (tmp_path / 'short.yaml').write_text(study, 'utf-8')
+    said = 'no member has reached its end; the first one: function bad: ValueError: as said'
+    for _ in ('first', 'again'):
+        assert short('--store', 'run.zarr') == 1
+        told = capsys.readouterr()
+        assert told.err.splitlines()[-1] == said and '1 members, 1 failed' in told.out
+
+
 def test_no_scheduler_is_one_line(short, tmp_path):
     pytest.importorskip('distributed')
     command = ['-m', 'alf_ros', 'ensemble', 'short.yaml', '--scheduler', 'nonsense']

@@ -416,6 +416,13 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({'vary': {'a': [0.2, 0.3]}}, 'the scene begins outside the bounds'),
     ({'vary': {'solver.step': [0.01, 0.3]}}, 'no number of the design'),
     ({'minimise': 'energy'}, 'expected max(NAME)'),
+    (
+        {'minimise': 'max(energy'},
+        "nothing closes the '(' behind 'max', got 'max(energy'; expected",
+    ),
+    ({'minimise': 'min(transmission(A, B)'}, "expected 'min(transmission(A, B))'"),
+    ({'minimise': 'max(energy))'}, "the ')' behind 'max(energy)' closes nothing"),
+    ({'minimise': {'at': 0.1, 'of': 'transmission(A, B))'}}, "minimise.of: the ')' behind"),
     ({'minimise': 'maximum(energy)'}, "did you mean 'max'"),
     ({'minimise': 'max(enrgy)'}, "did you mean 'energy'"),
     ({'minimise': 'max(knee.force)'}, 'norm(knee.force)'),
@@ -436,6 +443,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({'duration': 0}, 'duration: not usable'),
     ({'period': 2}, 'longer than the duration'),
     ({'period': 1e-300}, 'period: too many samples'),
+    ({'period': 0.07}, 'period: not a whole part of the duration, got 0.07; expected 1 / n'),
 ]
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run, RunsTogether
-from alf_ros.simulation.input_checks import CLOSE, choice
+from alf_ros.simulation.input_checks import CLOSE, choice, closed
 from alf_ros.simulation.quantities import ONE_OF_MANY
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.studies.ensemble.user_function import UserFunction
@@ -368,7 +368,7 @@ def _output(data: Any, label: str | None) -> KeptOutput:
 
 def _called(text: str, label: str | None) -> KeptOutput:
     """`max(norm(knee.force))`, or a name alone: its history."""
-    kind, inner = 'history', text.strip()
+    kind, inner = 'history', closed(text.strip(), 'outputs')
     found = _CALL.fullmatch(inner)
     if found and found[1] != 'norm':
         kind, inner = found[1], found[2].strip()
@@ -385,7 +385,7 @@ def _measured(text: Any, key: str = 'outputs') -> tuple[str, bool]:
     """The quantity in `norm(quantity)`, or in a plain name; and whether the norm is meant."""
     if not isinstance(text, str):
         raise InputError('not the name of a quantity', key=key, value=text)
-    found = _CALL.fullmatch(text.strip())
+    found = _CALL.fullmatch(closed(text.strip(), key))
     if found is None:
         return text.strip(), False
     if found[1] != 'norm':

@@ -20,7 +20,7 @@ _HUGE = 1e100
 @dataclass(frozen=True)
 class NumberSummary:
     """Of the members that have a number: how many, mean, standard deviation, `QUANTILES`, and the
-    extremes with the index of the member."""
+    extremes with the index of the member. A single one has no deviation: NaN."""
 
     count: int
     mean: float
@@ -28,6 +28,11 @@ class NumberSummary:
     quantiles: tuple[float, ...]
     least: tuple[float, int]
     largest: tuple[float, int]
+
+    def middle(self, digits: int, of_deviation: int) -> str:
+        """The mean with its deviation, with so many digits; of a single member the mean alone."""
+        mean = f'{self.mean:.{digits}g}'
+        return mean if self.count == 1 else f'{mean} ± {self.deviation:.{of_deviation}g}'
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,7 @@ class Statistics:
         return NumberSummary(
             there.size,
             float(there.mean()) * unit,
-            float(there.std(ddof=1)) * unit if there.size > 1 else 0.0,
+            float(there.std(ddof=1)) * unit if there.size > 1 else math.nan,
             tuple((np.quantile(there, QUANTILES) * unit).tolist()),
             (float(values[low]), low),
             (float(values[high]), high),

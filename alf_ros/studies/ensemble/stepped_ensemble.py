@@ -90,7 +90,7 @@ class Ensemble:
         self._failed: dict[int, str] = {}
         for each in self._members:
             for name in self.inputs:
-                each.apply_effort(name, 0.0)
+                self._allow(each, name)
         self._params = self._own_params()
         self._unit_efforts = [self._units(name) for name in self.inputs]
         self._begin = [each.state for each in self._members]
@@ -149,6 +149,14 @@ class Ensemble:
             return SideBySide(self._members)
         except InputError as error:  # of members that vary in their solver
             raise error.about('vary') from None
+
+    @staticmethod
+    def _allow(member: Simulation, name: str) -> None:
+        """Raises InputError, about what the caller gave, for a joint that takes no effort."""
+        try:
+            member.apply_effort(name, 0.0)
+        except InputError as error:
+            raise error.about('efforts') from None
 
     def _own_params(self) -> Floats:
         """(members, numbers) the numbers of the effects of all members in one array, into which
@@ -263,7 +271,8 @@ class Ensemble:
                     raise TypeError
                 if array.dtype.kind == 'O' and any(isinstance(x, str) for x in array.flat):
                     raise TypeError
-                given = np.asarray(array, dtype=float)
+                with np.errstate(over='ignore'):  # what is too large is refused below
+                    given = np.asarray(array, dtype=float)
             except (TypeError, ValueError, OverflowError):
                 raise InputError(
                     'no array of numbers', key='inputs', value=inputs, expected='real numbers'

@@ -68,6 +68,7 @@ class EnsembleStore:
         self._variables = {variable.name: variable for variable in variables_of(study)}
         self._held = contextlib.ExitStack()  # the lock
         self._refusal: OSError | None = None
+        self._was_there = False  # as a folder of a store, under this name
 
     @property
     def is_writable(self) -> bool:
@@ -94,6 +95,7 @@ class EnsembleStore:
             self._take(self._held.enter_context(open(self._hidden / 'lock', 'w')))
             if manifest.exists():
                 self._compare(manifest)
+            self._was_there = True
             self._prepare(manifest)
         except OSError as error:
             if not manifest.is_file():
@@ -236,10 +238,12 @@ class EnsembleStore:
         try:
             yield
         except OSError as error:
-            if isinstance(error, FileNotFoundError) and not self._hidden.exists():
+            gone = self._was_there and not self._hidden.exists()
+            if gone and isinstance(error, FileNotFoundError):
                 raise self._removed() from None
+            kept = '; what is finished is kept' if self._was_there else ''
             raise InputError(
-                f'cannot be written: {error.strerror or error}; what is finished is kept',
+                f'cannot be written: {error.strerror or error}{kept}',
                 key='store',
                 value=str(self.folder),
             ) from None

@@ -186,7 +186,7 @@ def load_study(source: str | Path, **changes: Any) -> Study:
     if 'sampling' in given:  # nothing is no sampling here: whoever wants the default has no key
         within(fields['sampling'], lambda: sampling_named(given['sampling']))
     if isinstance(given['vary'], str):
-        given['vary'] = path.parent / within(fields['vary'], lambda: paths.named(given['vary']))
+        given['vary'] = within(fields['vary'], lambda: _table(path.parent, given['vary']))
     if 'outputs' in given:
         given['outputs'] = _functions(given['outputs'], path.parent)
         lines |= _output_lines(fields['outputs'], given['outputs'])
@@ -278,11 +278,21 @@ def scene_of(entry: Entry, folder: Path) -> Any:
 
     def named() -> Any:
         given = plain(entry)
-        if isinstance(given, str) and (given.endswith(('.yaml', '.yml')) or '/' in given):
-            return folder / paths.named(given)
-        return given
+        if not isinstance(given, str) or not (given.endswith(('.yaml', '.yml')) or '/' in given):
+            return given
+        found = folder / paths.named(given)
+        if not found.exists():
+            raise InputError('no such file', key='scene', value=str(found))
+        return found
 
     return within(entry, named)
+
+
+def _table(folder: Path, name: str) -> Path:
+    found = folder / paths.named(name)
+    if not found.exists():
+        raise InputError('no such file', key='vary', value=str(found))
+    return found
 
 
 def _functions(data: Any, folder: Path) -> Any:

@@ -92,7 +92,7 @@ def _number(statistics: Statistics, name: str) -> Iterator[str]:
 def _lines(told: NumberSummary) -> list[tuple[str, str]]:
     shares = zip(QUANTILES, told.quantiles, strict=True)
     return [
-        ('mean', f'{told.mean:.6g} ± {told.deviation:.3g} of {told.count} members'),
+        ('mean', f'{told.middle(6, 3)} of {told.count} member{"s"[: told.count - 1]}'),
         ('quantiles', ', '.join(f'{share:.0%}: {value:.6g}' for share, value in shares)),
         ('least', f'{told.least[0]:.9g}, member {told.least[1]}'),
         ('largest', f'{told.largest[0]:.9g}, member {told.largest[1]}'),

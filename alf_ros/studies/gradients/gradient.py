@@ -252,7 +252,7 @@ def _objective(
     of: str, sample: Sample, beside: DisplacedScenes
 ) -> tuple[Callable[..., Folded], ObservedNumber, str]:
     """How the number is made of the values of a quantity, the quantity, and the number's unit."""
-    called = CALL.fullmatch(of.strip()) if isinstance(of, str) else None
+    called = CALL.fullmatch(check.closed(of.strip(), 'of')) if isinstance(of, str) else None
     if called is None or called[1] not in FOLDS:
         choices = ', '.join(f'{name}(…)' for name in FOLDS)
         raise InputError('not a number of a run', key='of', value=of, expected=choices)

@@ -21,7 +21,10 @@ _MANY = 20  # positions that go to and fro: fewer may be a vibration
 
 def check_recordings(recordings: Sequence[Recording]) -> None:
     """Raises InputError if two recordings have the same measurements: two bags of one run that
-    overlap, or a copy. They would count twice, and the intervals be too narrow."""
+    overlap, or a copy. They would count twice, and the intervals be too narrow.
+
+    Arrays have no stamps, so that a part of another recording may be chance: they are refused if
+    all of their measurements are those of another one."""
     for first, second in combinations(recordings, 2):
         found = _shared(first, second)
         if found is not None:
@@ -39,7 +42,7 @@ def _shared(first: Recording, second: Recording) -> tuple[str, float, float] | N
     """A channel that moves and has equal values in both, and from when to when, s of the second;
     None if there is none, or if any value differs at a stamp that both have."""
     if first.origin is None or second.origin is None:
-        return None
+        return _repeated(first, second)
     of_first = {each.name: each for each in first.channels}
     found = None
     for channel in second.channels:
@@ -54,6 +57,21 @@ def _shared(first: Recording, second: Recording) -> tuple[str, float, float] | N
         if found is None and here.size >= _FEW and np.ptp(values) > 0.0:
             found = channel.name, float(channel.t[here[0]]), float(channel.t[here[-1]])
     return found
+
+
+def _repeated(first: Recording, second: Recording) -> tuple[str, float, float] | None:
+    """The same of recordings of which one has no stamps, if all measurements are equal."""
+    of_first = {each.name: each for each in first.channels}
+    if of_first.keys() != {each.name for each in second.channels}:
+        return None
+    for channel in second.channels:
+        other = of_first[channel.name]
+        same = np.array_equal(_stamps(channel, 0), _stamps(other, 0))
+        if not same or not np.array_equal(channel.values, other.values):
+            return None
+    moving = (x for x in second.channels if x.t.size >= _FEW and np.ptp(x.values) > 0.0)
+    channel = next(moving, None)
+    return channel and (channel.name, float(channel.t[0]), float(channel.t[-1]))
 
 
 def _stamps(channel: MeasuredChannel, origin: int) -> Integers:

@@ -168,7 +168,15 @@ class PostureTrack:
             before = measured
         self._go(self._smooth(t)[0], t, 0.0)
         self._t = t
-        self._check(self._off(self._smooth(t)[0]))
+        if not self._is_missing(t):
+            self._check(self._off(self._smooth(t)[0]))
+
+    def _is_missing(self, t: float) -> bool:
+        """Whether t (s) lies in a gap: the straight way over it need not be one of the mechanism,
+        and is where the fit begins only."""
+        n = int(np.searchsorted(self._times, t))
+        inside = 0 < n < self._times.size and self._times[n] > t
+        return bool(inside and self._times[n] - self._times[n - 1] > self._gap)
 
     def _between(self, times: Floats) -> Floats:
         """(times, joints) between the measurements, angles without jumps of whole turns."""

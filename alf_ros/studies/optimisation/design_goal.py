@@ -18,7 +18,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.simulation.input_checks import choice, number, numbers, text
+from alf_ros.simulation.input_checks import choice, closed, number, numbers, text
 from alf_ros.simulation.named_number import CALL
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.ensemble.kept_outputs import DIRECTIONS
@@ -134,7 +134,7 @@ def design_goal(data: Any, key: str, sample: Sample, duration: float) -> DesignG
     """The goal of a text or a mapping, for the scene of a sample. Raises InputError."""
     if isinstance(data, Mapping):
         return _mapped(data, key, sample, duration)
-    called = CALL.fullmatch(data.strip()) if isinstance(data, str) else None
+    called = CALL.fullmatch(closed(data.strip(), key)) if isinstance(data, str) else None
     if called is None:
         raise InputError('not a number of a motion', key=key, value=data, expected='max(NAME)')
     if called[1] not in FOLDS:

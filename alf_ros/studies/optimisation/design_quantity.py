@@ -15,6 +15,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, StepError
+from alf_ros.simulation.input_checks import closed
 from alf_ros.simulation.named_number import CALL, named_number, number_of
 from alf_ros.simulation.named_quantity import NamedQuantity, slope_along
 from alf_ros.simulation.sample import Sample
@@ -73,9 +74,10 @@ def design_quantity(given: Any, key: str, sample: Sample) -> DesignQuantity:
     if not isinstance(given, str) or not given.strip():
         expected = 'a quantity, norm(…), abs(…) or transmission(A, B)'
         raise InputError('not a quantity', key=key, value=given, expected=expected)
-    called = CALL.fullmatch(given.strip())
+    given = closed(given.strip(), key)
+    called = CALL.fullmatch(given)
     if called and called[1] == _TRANSMISSION:
-        return _transmission(given.strip(), called[2], key, sample)
+        return _transmission(given, called[2], key, sample)
     number = named_number(given, key, sample, (_TRANSMISSION,))
     of = number.quantity
     value = partial(number_of, is_size=number.is_size)

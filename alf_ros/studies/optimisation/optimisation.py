@@ -221,7 +221,10 @@ def _period(simulation: Simulation, duration: float, given: Any, driven: bool) -
         raise InputError('longer than the duration', key='period', value=asked)
     check.samples_of(duration, asked)
     if driven:
-        return duration / max(1, round(duration / asked))
+        parts = max(1, round(duration / asked))
+        if abs(parts * asked - duration) > check.CLOSE * asked:
+            raise _no_whole_part(asked, duration)
+        return duration / parts
     steps = round(duration / h)
     if not steps or abs(steps * h - duration) > check.CLOSE * h:
         raise InputError('not whole steps', key='duration', value=duration, expected=f'k * {h:g}')
@@ -232,9 +235,13 @@ def _period(simulation: Simulation, duration: float, given: Any, driven: bool) -
     if not every or abs(every * h - asked) > check.CLOSE * h:
         raise InputError('not whole steps', key='period', value=asked, expected=f'k * {h:g}')
     if steps % every:
-        text = 'not a whole part of the duration'
-        raise InputError(text, key='period', value=asked, expected=f'{duration:g} / n')
+        raise _no_whole_part(asked, duration)
     return every * h
+
+
+def _no_whole_part(period: float, duration: float) -> InputError:
+    text = 'not a whole part of the duration'
+    return InputError(text, key='period', value=period, expected=f'{duration:g} / n')
 
 
 def _workers(given: Any, starts: int) -> int:
