@@ -18,8 +18,8 @@ this sense lies beyond the end of the balance, also if a coarse step has passed 
 
 `balance` makes the solve, of which `cut_reactions` gives R, `anderson_mixing` the passes of the
 fixed point, `load_response` all of R(N), `load_newton` Newton's method, `least_share` the λ of
-redundant rows, and `singular_side` the sign of c. The kernel calls the solve through a function pointer, so a scene without such friction
-does not compile it.
+redundant rows, and `singular_side` the sign of c. The kernel calls the solve through a function
+pointer, so a scene without such friction does not compile it.
 """
 
 from alf_ros.kernel.reaction_friction.anderson_mixing import MEMORY
