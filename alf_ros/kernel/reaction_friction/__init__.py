@@ -17,9 +17,9 @@ where c changes sign, if friction feels that singular position. A stage that fin
 this sense lies beyond the end of the balance, also if a coarse step has passed over the end.
 
 `balance` makes the solve, of which `cut_reactions` gives R, `anderson_mixing` the passes of the
-fixed point, `load_response` all of R(N), `load_newton` Newton's method, and `singular_side` the
-sign of c. The kernel calls the solve through a function pointer, so a scene without such friction
-does not compile it.
+fixed point, `load_response` all of R(N), `load_newton` Newton's method, `least_share` the λ of
+redundant rows, and `singular_side` the sign of c. The kernel calls the solve through a function
+pointer, so a scene without such friction does not compile it.
 """
 
 from alf_ros.kernel.reaction_friction.anderson_mixing import MEMORY

@@ -9,20 +9,21 @@ import numpy as np
 from numba import types
 
 from alf_ros.kernel.applied_forces import add_friction
-from alf_ros.kernel.augmented_solve import solved_anew
+from alf_ros.kernel.augmented_solve import has_dependent, solved_anew
 from alf_ros.kernel.data import Problem
 from alf_ros.kernel.numba_ext.block import block, dot
 from alf_ros.kernel.numba_ext.jit import by_address, inner
 from alf_ros.kernel.numba_ext.vectors import copy, largest
 from alf_ros.kernel.reaction_friction.anderson_mixing import mix
 from alf_ros.kernel.reaction_friction.cut_reactions import place_cut, reactions
+from alf_ros.kernel.reaction_friction.least_share import take_least_share
 from alf_ros.kernel.reaction_friction.load_newton import balance, continuation, nearest_balance
 from alf_ros.kernel.reaction_friction.load_response import respond, subtract_friction
 from alf_ros.kernel.reaction_friction.singular_side import find_softest, side
 
 _PASSES = 30
 _CALM = 0.5  # ratio of the gaps of two passes up to which gains are small
-_AGREED = 1e-12  # part of the largest load to which both sides agree
+_AGREED = 1e-12  # part of the largest load to which both sides agree; of forces, a load is zero
 _ROUNDED = 1e-10  # the same, where passes do not come closer
 _ENOUGH = 1e-8  # the same, where Newton's method does not come closer
 _OFFSET = 1e-6  # part of the loads, by which the first trial of a step differs from them
@@ -34,7 +35,7 @@ def _solve(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
 
     Returns what `solved` does; -1 iterations if the loads were not found.
     """
-    unit, work = problem.unit, problem.work
+    unit, system, work = problem.unit, problem.system, problem.work
     cut = problem.forces.bearings
     copy(work.Q, cut.given)
     place_cut(problem, t)
@@ -69,7 +70,9 @@ def _solve(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
         most = max(most, iterated)
         if sigma == 0.0 and not exactly:
             return most, sigma
-        reactions(problem, t, work.qdd, cut.trial, True)
+        if has_dependent(system):
+            take_least_share(problem)
+        forces = reactions(problem, t, work.qdd, cut.trial, True)
         gap, size = 0.0, 0.0
         for n in range(cut.trial.size):
             gap = max(gap, abs(cut.answer[n] - cut.trial[n]))
@@ -77,9 +80,8 @@ def _solve(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
         if not np.isfinite(gap):
             break
         calm = calm and gap <= _CALM * before
-        if (mixed or count > 1) and (
-            gap <= _AGREED * size or (not calm and gap <= (_ROUNDED if mixed else _ENOUGH) * size)
-        ):
+        near = _AGREED if calm else (_ROUNDED if mixed else _ENOUGH)
+        if (mixed or count > 1) and gap <= max(near * size, _AGREED * forces):
             copy(cut.trial, cut.loads)
             copy(cut.reaction, cut.force)
             cut.force[sense] = cut.branch[1] if begins else wanted

@@ -11,7 +11,7 @@ from alf_ros.kernel.data import Problem
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import block, dot, packed, put
 from alf_ros.kernel.numba_ext.jit import ONE, inner
-from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.numba_ext.vectors import largest, zero
 
 
 @inner
@@ -28,22 +28,31 @@ def place_cut(problem: Problem, t: float) -> None:
 
 
 @inner
-def reactions(problem: Problem, t: float, qdd: Floats, loads: Floats, whole: bool) -> None:
+def reactions(problem: Problem, t: float, qdd: Floats, loads: Floats, whole: bool) -> float:
     """R of each loaded joint (N) from q̈ and the λ in `work`, under these loads; `whole`: with the
-    forces that do not depend on loads."""
+    forces that do not depend on loads.
+
+    Returns the largest force on a block (N), whose rounding R has: of M q̈, and if `whole` of Q.
+    """
     unit, work = problem.unit, problem.work
     cut = problem.forces.bearings
     for b in range(cut.source.size):
         put(cut.qdd, b, block(unit, qdd, cut.source[b]))
     for r in range(cut.source_row.size):
         cut.y[r] = work.y[cut.source_row[r]]
+    blocks = cut.needed.size
     zero(cut.needed)
-    add_friction(cut.effects, t, cut.q, cut.qd, work.near, loads, cut.needed)
-    for i in range(cut.needed.size):
-        cut.needed[i] = -cut.needed[i]
-        if whole:
-            cut.needed[i] -= cut.Q[i]
     add_mass_times(unit, cut.mass, 1.0, cut.qdd, cut.needed)
+    most = largest(cut.needed, blocks)
+    if whole:
+        most = max(most, largest(cut.Q, blocks))
+        for i in range(blocks):
+            cut.needed[i] -= cut.Q[i]
+    for i in range(blocks):
+        cut.needed[i] = -cut.needed[i]
+    add_friction(cut.effects, t, cut.q, cut.qd, work.near, loads, cut.needed)
+    for i in range(blocks):
+        cut.needed[i] = -cut.needed[i]
     add_transposed(unit, cut.rows, cut.g, cut.g2, cut.y, cut.needed)
     for n in range(cut.answer.size):
         R = packed(unit, 0.0, 0.0, 0.0)
@@ -53,3 +62,4 @@ def reactions(problem: Problem, t: float, qdd: Floats, loads: Floats, whole: boo
             R = R - work.y[cut.entry_row[m]] * block(unit, cut.g2, cut.entry[m])
         put(cut.reaction, n, R)
         cut.answer[n] = np.sqrt(dot(R, R))
+    return most
