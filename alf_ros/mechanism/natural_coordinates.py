@@ -216,7 +216,7 @@ def _own_length(mechanism: Mechanism) -> Any:
 
 
 def _gyration(body: Body) -> Any:
-    """Radius of gyration, m; in space that of the mean moment of inertia."""
+    """Radius of gyration, m; in space by the mean moment of inertia."""
     if not body.mass:
         return 0.0
     moment: Any = body.inertia

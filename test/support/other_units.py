@@ -21,7 +21,7 @@ from alf_ros.simulation.sample import Sample
 
 @dataclass(frozen=True)
 class Units:
-    """What a metre, a kilogram and a second of a scene are in its other units."""
+    """A metre, a kilogram and a second of a scene in its other units."""
 
     m: float
     kg: float
@@ -174,7 +174,7 @@ def _effect(effect: Effect, mechanism: Mechanism, units: Units) -> Effect:
 
 
 def differences(sample: Sample, other: Sample, units: Units) -> dict[str, float]:
-    """By name the largest difference, if any, of quantities of a sample from those of the same
+    """By name the largest difference, if any, of quantities of a sample from the ones of the same
     instant in other units, as a part of the largest of them."""
     m, s, N = units.m, units.s, units.N
     found: dict[str, float] = {}
