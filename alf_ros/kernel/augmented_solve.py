@@ -22,17 +22,15 @@ from alf_ros.kernel.data import (
     Bearings,
     ModeLimits,
     Problem,
-    Rows,
     System,
     Until,
     Work,
 )
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.numba_ext.calls import call_for_number
-from alf_ros.kernel.numba_ext.jit import ONE, ZERO, compiled, expanded, inner
+from alf_ros.kernel.numba_ext.jit import ZERO, compiled, expanded, inner
 from alf_ros.kernel.numba_ext.lane_numbers import pick
 from alf_ros.kernel.numba_ext.lane_structs import section
-from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.stopping import LEFT
@@ -99,7 +97,7 @@ def iterate(
             ratio = min(1.0, left / before)
             if ratio <= until.patience or count != 2 or iterations == 2:
                 if ratio > until.patience and left <= fine * size * turned(
-                    unit, system, work, system.ordinary
+                    system, work, system.ordinary
                 ):
                     return count, slowest
                 slowest = max(slowest, ratio)
@@ -110,7 +108,7 @@ def iterate(
 
 
 @inner
-def turned(unit: Unit, system: System, work: Work, sigma: float) -> float:
+def turned(system: System, work: Work, sigma: float) -> float:
     """How far rounding turns the row that it turns most, in parts of ε, and at least 1.
 
     q is rounded by a part ε of its distance from the origin, which turns a bar of length l by
@@ -118,24 +116,9 @@ def turned(unit: Unit, system: System, work: Work, sigma: float) -> float:
     to rounding of Φ, so in the softest direction, of `sigma`, only to 1 / σ of it. No round
     changes it, and it is no slow mode.
     """
-    found = max(1.0, largest(work.q, work.q.size) * _turning(unit, system.rows))
+    bend = system.rows.bend
+    found = max(1.0, largest(work.q, work.q.size) * largest(bend, bend.size))
     return pick(has_dependent(system), found / min(1.0, sigma), found)
-
-
-@compiled
-def _turning(unit: Unit, rows: Rows) -> float:
-    """How far a distance turns the row that it turns most, 1/m: |T| / |Φ_q,r|, as drawn. Linear
-    rows do not turn."""
-    found, D = 0.0, np.uint64(len(unit))
-    for r in each(0, rows.i.size):
-        found = max(found, rows.scale[r])
-    for r in each(0, rows.movable.size):
-        T = 0.0
-        for e in each(rows.first[r], rows.first[r + ONE]):
-            for n in each(D * D * rows.first_term[e], D * D * rows.first_term[e + ONE]):
-                T = max(T, abs(rows.term[n]))
-        found = max(found, T * rows.scale[rows.i.size + r])
-    return found
 
 
 @inner
@@ -284,7 +267,7 @@ def _finished(problem: Problem, f: Floats, x: Floats, slowest: float) -> float:
         finish(unit, system, work, x, SOLVED, EVERY_MODE)
     if has_dependent(system) and least > 0.0:
         size = max(largest(x, work.p.size), largest(f, work.p.size) / system.mean)
-        if left <= NOISE * size * turned(unit, system, work, min(system.ordinary, least)):
+        if left <= NOISE * size * turned(system, work, min(system.ordinary, least)):
             return least  # what they contradict the others by is rounding
     return min(least, np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty))
 

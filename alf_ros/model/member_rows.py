@@ -24,7 +24,7 @@ from alf_ros.model.compile import Model, constraints, drawn, length_rows
 from alf_ros.model.constraints.joint_coordinates import counted_rows
 from alf_ros.model.constraints.packing import RowNumbers, parts_of, placed_rows, rows_of
 from alf_ros.model.constraints.row import Constraint
-from alf_ros.model.constraints.row_scales import RowLengths
+from alf_ros.model.constraints.row_scales import RowLengths, curvatures
 from alf_ros.model.member_structs import MemberStructs
 
 # parts of a System that the geometry of its mechanism determines
@@ -34,6 +34,7 @@ GEOMETRY = (
     'rows.term',
     'rows.c',
     'rows.scale',
+    'rows.bend',
     'angles.b',
     'angles.term',
     'angles.c',
@@ -100,7 +101,7 @@ def are_rows_of(model: Model) -> bool:
         np.asarray(getattr(one, name)).tobytes() == np.asarray(getattr(other, name)).tobytes()
         for one, other in zip(made, known, strict=True)
         for name in Rows.__dataclass_fields__
-        if name not in ('alpha', 'scale') and not name.startswith('_')
+        if name not in ('alpha', 'scale', 'bend') and not name.startswith('_')
     )
 
 
@@ -172,3 +173,4 @@ class MemberScales:
         moved = lengths.masses(diagonal, mean, self._blocks)
         systems.rows.alpha[:] = penalty[:, None] / moved
         systems.rows.scale[:] = 1.0 / np.sqrt(lengths.squared)
+        systems.rows.bend[:] = systems.rows.scale * curvatures(self._rows, systems.rows.term)

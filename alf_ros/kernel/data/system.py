@@ -53,6 +53,7 @@ class Rows(Struct):
     c: Floats  # (quadratic rows,)
     alpha: Floats  # (rows,) penalty α of each row
     scale: Floats  # (rows,) 1 / |Φ_q,r| as drawn: scale Φ is a distance in metres
+    bend: Floats  # (rows,) |T| / |Φ_q,r| as drawn, 1/m: how far a distance turns the row
 
     @property
     def velocity(self) -> int:

@@ -92,6 +92,7 @@ def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]
         c=numbers.c,
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
+        bend=np.zeros(len(order)),
     )
     return arrays, order
 
@@ -141,6 +142,7 @@ def _placed(
         c=nothing,
         alpha=nothing,
         scale=nothing,
+        bend=nothing,
     )
     return moving_first, frozen(rows)
 
@@ -275,7 +277,7 @@ def _numbered(*structure: Any) -> Rows:
     named = dict(zip(_STRUCTURE, parts, strict=True))
     sizes = {'b': named['block'].size, 'term': named['term_block'].size, 'c': c}
     numbers = {name: np.arange(size, dtype=float) for name, size in sizes.items()}
-    nothing = dict.fromkeys(('length2', 'alpha', 'scale'), np.zeros(0))
+    nothing = dict.fromkeys(('length2', 'alpha', 'scale', 'bend'), np.zeros(0))
     return Rows(**{**named, **numbers, **nothing})
 
 
@@ -295,6 +297,7 @@ def _gathered(rows: Rows, to: _Arrangement) -> Rows:
         c=rows.c[to.c],
         alpha=np.zeros(m),
         scale=np.zeros(m),
+        bend=np.zeros(m),
     )
 
 

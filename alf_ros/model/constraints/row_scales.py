@@ -1,4 +1,4 @@
-"""The scale of each row, and its penalty α, from the drawing."""
+"""The scale of each row, its penalty α and how it bends, from the drawing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from alf_ros.model.struct_memory import changed
 def scaled_rows(
     system: System, q: Floats, layout: Layout, penalty: float, carried: Floats
 ) -> Rows:
-    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
+    """The rows with scale 1 / |Φ_q,r|, α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ) and bend, as drawn.
 
     carried (movable,): the diagonal of M, kg, with the masses that light blocks carry.
     """
@@ -24,7 +24,24 @@ def scaled_rows(
     kernel.jacobian((0.0,) * D, rows, q, g, g2)
     lengths = RowLengths(rows, g, g2, D)
     masses = lengths.masses(carried, system.mean, layout.blocks)
-    return changed(rows, alpha=penalty / masses, scale=1.0 / np.sqrt(lengths.squared))
+    scale = 1.0 / np.sqrt(lengths.squared)
+    return changed(
+        rows, alpha=penalty / masses, scale=scale, bend=scale * curvatures(rows, rows.term)
+    )
+
+
+def curvatures(rows: Rows, term: Floats) -> Floats:
+    """(..., rows) |T|, the largest coefficient: 1 of distances, 0 of linear rows. term (...,
+    terms D D): of one mechanism, or of several members with rows like these."""
+    several, count = term.shape[:-1], rows.term_block.size
+    found = np.zeros((*several, rows.alpha.size))
+    found[..., : rows.i.size] = 1.0
+    if count:
+        largest = np.abs(term).reshape(*several, count, -1).max(axis=-1)
+        start = rows.first_term[rows.first].astype(np.int64)  # of each row, and the end
+        bent = np.flatnonzero(np.diff(start))
+        found[..., rows.i.size + bent] = np.maximum.reduceat(largest, start[bent], axis=-1)
+    return found
 
 
 class RowLengths:
