@@ -31,7 +31,7 @@ def check(scene: Scene, integrator: str, steps: int = 40) -> None:
     own = Simulation(scene, integrator=integrator, step=step)
     own.step(steps)
     for units in (HEAVY,) if moved else (SMALL, LARGE):
-        other = Simulation(in_units(scene, units), integrator=integrator)
+        other = Simulation(in_units(scene, units), integrator=integrator, step=step * units.s)
         other.step(steps)
         assert other.evaluations == own.evaluations
         assert differences(own.sample(), other.sample(), units) == {}

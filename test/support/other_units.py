@@ -14,7 +14,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.effects import Effect
 from alf_ros.mechanism import Body, Frame, Joint, Mechanism
-from alf_ros.mechanism.parts import Coupling, Rotor
+from alf_ros.mechanism.parts import Bearing, Coupling, Rotor
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.sample import Sample
 
@@ -82,7 +82,6 @@ def in_units(scene: Scene, units: Units) -> Scene:
         positions=of_blocks(scene.positions, units.m, 1.0),
         velocities=of_blocks(scene.velocities, units.m / units.s, 1.0 / units.s),
         solver=replace(scene.solver, step=scene.solver.step * units.s),
-        says_solver=True,
     )
 
 
@@ -137,6 +136,16 @@ def _joint(joint: Joint, units: Units) -> Joint:
         frames=(moved(parent), moved(child)),
         value=joint.value * (1.0 if joint.angles else units.m),
         of_parent=joint.of_parent * units.m,
+        bearing=_bearing(joint.bearing, units),
+    )
+
+
+def _bearing(bearing: Bearing | None, units: Units) -> Bearing | None:
+    if bearing is None:
+        return None
+    return Bearing(
+        bearing.translation * units.factor('N/m', is_angle=False),
+        bearing.rotation * units.factor('N m/rad', is_angle=True),
     )
 
 
