@@ -69,9 +69,10 @@ def _repeated(first: Recording, second: Recording) -> tuple[str, float, float] |
         same = np.array_equal(_stamps(channel, 0), _stamps(other, 0))
         if not same or not np.array_equal(channel.values, other.values):
             return None
-    moving = (x for x in second.channels if x.t.size >= _FEW and np.ptp(x.values) > 0.0)
-    channel = next(moving, None)
-    return channel and (channel.name, float(channel.t[0]), float(channel.t[-1]))
+    for channel in second.channels:
+        if channel.t.size >= _FEW and np.ptp(channel.values) > 0.0:
+            return channel.name, float(channel.t[0]), float(channel.t[-1])
+    return None
 
 
 def _stamps(channel: MeasuredChannel, origin: int) -> Integers:
