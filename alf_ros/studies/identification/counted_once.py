@@ -23,8 +23,8 @@ def check_recordings(recordings: Sequence[Recording]) -> None:
     """Raises InputError if two recordings have the same measurements: two bags of one run that
     overlap, or a copy. They would count twice, and the intervals be too narrow.
 
-    Arrays have no stamps, so that a part of another recording may be chance: they are refused if
-    all of their measurements are those of another one."""
+    Arrays have no stamps, so that equal parts may be chance: they are refused if all measurements
+    are equal."""
     for first, second in combinations(recordings, 2):
         found = _shared(first, second)
         if found is not None:
