@@ -18,6 +18,8 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate
 # the beginning of a word that is a number, never an option
 _NEGATIVE = re.compile(r'-(?:\.?[0-9]|inf|nan)', re.IGNORECASE)
 
+_PATHS = ('FILE', 'DIR', 'FOLDER')  # metavars of options that name one
+
 
 class Parser(argparse.ArgumentParser):
     """Raises InputError, one line, for what it cannot read. Numbers are finite. Its help names the
@@ -75,7 +77,8 @@ def naming(options: Mapping[str, str]) -> Iterator[None]:
 
 
 class _Store(argparse.Action):
-    """Stores the value of an option, or the values of several times the same one."""
+    """Stores the value of an option, or the values of several times the same one. An empty text
+    names no file and no folder: it would count as none given, or as the present folder."""
 
     def __call__(
         self,
@@ -85,6 +88,8 @@ class _Store(argparse.Action):
         option_string: str | None = None,
     ) -> None:
         assert isinstance(parser, Parser)
+        if option_string is not None and values == '' and self.metavar in _PATHS:
+            raise InputError('no name', key=option_string, value='', expected='a path')
         if option_string is not None and self.dest in parser.given:
             if self.nargs not in ('+', '*'):
                 raise InputError('given twice', key=option_string, expected='it once')

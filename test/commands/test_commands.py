@@ -191,6 +191,24 @@ def test_a_reader_that_leaves_early_is_no_error():
 # ------------------------------------------------------------------- what commands have in common
 
 
+@pytest.mark.parametrize(
+    'given',
+    [
+        ['gradient', 'log', '--of', 'final(energy)', '--by', 'm', '--json', ''],
+        ['check', 'four_bar', '--folder', ''],
+        ['modes', 'four_bar', '--html='],
+        ['ensemble', 'study.yaml', '--store', ''],
+        ['optimise', 'study.yaml', '--output', ''],
+    ],
+)
+def test_an_empty_text_is_no_file_and_no_folder(given, capsys):
+    """It counted as none given, so that nothing was written, or as the present folder."""
+    assert program.main(given) == 2
+    option = given[-2] if not given[-1] else given[-1].rstrip('=')
+    said = f"alf_ros {given[0]}: {option}: no name, got ''; expected a path\n"
+    assert capsys.readouterr().err == said
+
+
 @pytest.mark.parametrize('given', ['nan', 'inf', '-inf'])
 def test_numbers_of_options_are_finite(given: str) -> None:
     with pytest.raises(InputError, match=f"--at: not a finite number: '{given}'"):

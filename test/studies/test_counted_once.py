@@ -51,7 +51,7 @@ def test_measurements_in_two_recordings_count_once(tmp_path: Path) -> None:
 
 
 def test_equal_arrays_count_once(tmp_path: Path) -> None:
-    """Arrays were counted twice. Those that differ in one value, or go on, are another run."""
+    """Arrays were counted twice. With another value, or a longer time, they are another run."""
     t, x = np.arange(101) * 0.01, _positions()
     angles = dict(zip(JOINTS, x.T, strict=True))
     first, second = recorded(t, angles), recorded(t, angles)

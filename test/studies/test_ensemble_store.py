@@ -381,7 +381,7 @@ def test_an_option_that_cannot_be_is_named(short, tmp_path, capsys, options, sai
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(short, capsys) -> None:
-    """It was said to have been removed while the study ran."""
+    """The message told of a folder that was removed while the study ran."""
     assert short('--store', '/proc/run.zarr') == 2
     told = capsys.readouterr().err
     assert told == (

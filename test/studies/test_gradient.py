@@ -314,6 +314,7 @@ def test_what_is_refused(robot: Scene) -> None:
         ('final(body_poses.crank)', 'expected body_poses.crank.x'),  # m beside rad
         ('final(diagnostics.distance)', 'has no derivative'),
         (3, 'not a number of a run'),
+        ('maxx(energy)', "of: no such number of a run, got 'maxx'; did you mean 'max'?"),
         ('max(energy', "nothing closes the '(' behind 'max', got 'max(energy'; expected 'max(e"),
     ):
         assert told in refused(simulation, of, ['m'], duration=0.1)

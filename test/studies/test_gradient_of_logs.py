@@ -57,6 +57,9 @@ def test_of_a_log(integrator: str, tmp_path: Path, capsys: pytest.CaptureFixture
     assert program(['gradient', str(log), *of, '--json', str(tmp_path / 'no' / 'file')]) == 2
     out, err = capsys.readouterr()
     assert out == printed and '--json: No such file' in err and err.count('\n') == 1
+    assert program(['gradient', str(log), *of, '--json', '']) == 2
+    out, err = capsys.readouterr()
+    assert not out and err.startswith("alf_ros gradient: --json: no name, got ''")
     of[-len(names) :] = ['gravity.acceleration.x']
     assert program(['gradient', str(log), *of]) == 2
     told = "--by gravity.acceleration.x: no such place in a list, got 'x'; expected 0 for x"

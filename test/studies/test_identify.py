@@ -456,8 +456,8 @@ def test_refused_in_one_line(fit: Any, keywords: dict[str, Any], expected: str) 
 
 
 def test_a_window_may_begin_in_a_gap() -> None:
-    """The straight way over a gap of nine tenths of a second is none of the
-    mechanism: the recording was refused as that of another joint."""
+    """The mechanism cannot go the straight way over a gap of nine tenths of a second: the message
+    named a wrong joint."""
     inputs = pushes('crank_pin', 6.0, 2.0)
     machine = Machine(scene(coupler__mass=1.3), ('crank_pin', 'guide'), 2.0, inputs=inputs)
     there = (machine.t < 0.545) | (machine.t > 1.455)

@@ -152,7 +152,7 @@ class Ensemble:
 
     @staticmethod
     def _allow(member: Simulation, name: str) -> None:
-        """Raises InputError, about what the caller gave, for a joint that takes no effort."""
+        """Raises InputError, about what the caller gave, for a joint without efforts."""
         try:
             member.apply_effort(name, 0.0)
         except InputError as error:

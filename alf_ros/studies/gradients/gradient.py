@@ -253,7 +253,9 @@ def _objective(
 ) -> tuple[Callable[..., Folded], ObservedNumber, str]:
     """How the number is made of the values of a quantity, the quantity, and the number's unit."""
     called = CALL.fullmatch(check.closed(of.strip(), 'of')) if isinstance(of, str) else None
-    if called is None or called[1] not in FOLDS:
+    if called is not None and called[1] not in FOLDS:
+        raise InputError('no such number of a run', key='of', value=called[1], choices=FOLDS)
+    if called is None:
         choices = ', '.join(f'{name}(…)' for name in FOLDS)
         raise InputError('not a number of a run', key='of', value=of, expected=choices)
     number = observed_number(called[2], 'of', sample, beside)

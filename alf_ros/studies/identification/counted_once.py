@@ -23,8 +23,8 @@ def check_recordings(recordings: Sequence[Recording]) -> None:
     """Raises InputError if two recordings have the same measurements: two bags of one run that
     overlap, or a copy. They would count twice, and the intervals be too narrow.
 
-    Arrays have no stamps, so that a part of another recording may be chance: they are refused if
-    all of their measurements are those of another one."""
+    Arrays have no stamps, so that equal parts may be chance: they are refused if all measurements
+    are equal."""
     for first, second in combinations(recordings, 2):
         found = _shared(first, second)
         if found is not None:
@@ -69,9 +69,10 @@ def _repeated(first: Recording, second: Recording) -> tuple[str, float, float] |
         same = np.array_equal(_stamps(channel, 0), _stamps(other, 0))
         if not same or not np.array_equal(channel.values, other.values):
             return None
-    moving = (x for x in second.channels if x.t.size >= _FEW and np.ptp(x.values) > 0.0)
-    channel = next(moving, None)
-    return channel and (channel.name, float(channel.t[0]), float(channel.t[-1]))
+    for channel in second.channels:
+        if channel.t.size >= _FEW and np.ptp(channel.values) > 0.0:
+            return channel.name, float(channel.t[0]), float(channel.t[-1])
+    return None
 
 
 def _stamps(channel: MeasuredChannel, origin: int) -> Integers:
