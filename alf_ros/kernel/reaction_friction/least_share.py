@@ -16,7 +16,7 @@ from alf_ros.kernel.numba_ext.vectors import copy, zero
 def take_least_share(problem: Problem) -> None:
     """Take the part of y in `work` that no motion feels out of it.
 
-    Rows that are open by α⁻¹ y are closed by conjugate residuals. What remains open is that part.
+    Conjugate residuals close rows that are open by α⁻¹ y. That part, over α, stays open.
     """
     system, work = problem.system, problem.work
     cut, alpha = problem.forces.bearings, problem.system.rows.alpha
