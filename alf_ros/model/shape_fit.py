@@ -60,7 +60,8 @@ def fitted(model: Model, places: list[Floats], rounding: float) -> Mechanism:
     operator = LinearOperator((m * len(places), len(columns)), matvec=forth, rmatvec=back)
     wanted = np.concatenate([-P(weight * phi) for P, phi in zip(projectors, before, strict=True)])
     # no further than rounding: a smaller remainder would need large changes without use
-    heaviest, whole = float(weight.max()), float(np.linalg.norm(wanted))
+    of_metres = weight / model.system.rows.scale[model.row]
+    heaviest, whole = float(of_metres.max()), float(np.linalg.norm(wanted))
     most = max(1e-6, 0.1 * rounding * np.sqrt(len(places)) * heaviest / whole)
     damp = _DAMPING * heaviest
     amounts = lsmr(operator, wanted, damp, 1e-8, most, conlim=0.0, maxiter=400)[0].tolist()

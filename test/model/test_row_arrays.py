@@ -25,7 +25,9 @@ def model_of(scene: str) -> Model:
     return compile_model(load_scene(scene).mechanism, 1e8)
 
 
-def same(a: Rows | Mass, b: Rows | Mass, apart: tuple[str, ...] = ('alpha', 'scale')) -> None:
+def same(
+    a: Rows | Mass, b: Rows | Mass, apart: tuple[str, ...] = ('alpha', 'scale', 'bend')
+) -> None:
     for name in (field.name for field in fields(a) if field.name not in apart):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=name)
 

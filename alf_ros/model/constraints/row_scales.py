@@ -77,27 +77,33 @@ class RowLengths:
         return self._sums(i, j, self._entry * light[..., rows.block])
 
     def _sums(self, i: Floats, j: Floats, entries: Floats) -> Floats:
-        """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts; over the fixed ones of
-        a row that binds no others."""
+        """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts; the largest part of a
+        row that binds fixed blocks only, as if one of them moved."""
         rows = self._rows
         both, bars = int(rows.both), rows.i.size
         total = np.zeros((*i.shape[:-1], rows.alpha.size))
         total[..., :bars] = i
         total[..., :both] += j[..., :both]
         of_forms = total[..., bars:]
-        for own, places in self._alike:
+        for own, places, moves in self._alike:
             # in the order of one mechanism, in which the sum of many numbers is rounded
             parts = np.ascontiguousarray(entries[..., places])
-            of_forms[..., own] = np.add.reduce(parts, axis=-1)
+            together = np.add if moves else np.maximum
+            of_forms[..., own] = together.reduce(parts, axis=-1)
         total[~(total > 0.0)] = 1.0
         return total
 
 
 @remembered(64)
-def _of_one_length(first: Indices, movable: Indices) -> list[tuple[Integers, Integers]]:
-    """Rows that have as many movable entries (rows,), and their entries (rows, entries); the fixed
-    ones of rows without movable ones."""
-    start, end = first[:-1].astype(np.int64), movable.astype(np.int64)
-    count = np.where(end > start, end, first[1:].astype(np.int64)) - start
-    groups = ((np.flatnonzero(count == m), np.arange(m)) for m in np.unique(count).tolist())
-    return [(own, start[own, None] + entries) for own, entries in groups]
+def _of_one_length(first: Indices, movable: Indices) -> list[tuple[Integers, Integers, bool]]:
+    """Rows that have as many movable entries (rows,), these entries (rows, entries), and True; or
+    rows without any, their fixed entries, and False."""
+    start, end, last = (each.astype(np.int64) for each in (first[:-1], movable, first[1:]))
+    moves = end > start
+    count = np.where(moves, end, last) - start
+    groups = (
+        (np.flatnonzero((count == m) & (moves == each)), np.arange(m), each)
+        for m in np.unique(count).tolist()
+        for each in (True, False)
+    )
+    return [(own, start[own, None] + n, each) for own, n, each in groups if own.size and n.size]
