@@ -13,6 +13,7 @@ from alf_ros.arrays import Floats
 from alf_ros.inspection.answer import BAD, NOTE
 from alf_ros.inspection.soundness import examine
 from support.hinge_loop import hinge_loop
+from support.other_units import Units, in_units
 from support.thorough import LONG, combined, thinned
 
 STEPS = {'rk4': 1e-3, 'dop853': 5e-3, 'dop853_adaptive': 1e-2, 'esdirk43': 5e-3}
@@ -128,6 +129,16 @@ def test_rows_that_bind_velocities_stay_as_they_are() -> None:
     lead = 0.5 / (2.0 * math.pi)  # m/rad; s'' = g_z / (1 + J / (m lead^2))
     fall = 0.5 * scene['effects']['gravity']['acceleration'][2] / (1.0 + 1.0 / lead**2)
     assert sim.sample().points['N'][2] == pytest.approx(fall, abs=1e-9)
+
+
+@pytest.mark.parametrize('metre', [2.0**10, 2.0**-10])
+def test_lengths_in_other_units_are_adjusted_alike(metre: float) -> None:
+    """In millimetres they were refused, as if they contradicted each other."""
+    scene = load_scene(bricard(9))
+    own = Simulation(scene, step=1e-2).adjustment
+    other = Simulation(in_units(scene, Units(metre, 1.0, 1.0)), step=1e-2).adjustment
+    assert own is not None and other is not None
+    assert other.gap == pytest.approx(metre * own.gap, rel=0.2)
 
 
 def test_the_adjustment_is_stated_and_repeats() -> None:
