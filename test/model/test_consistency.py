@@ -103,8 +103,8 @@ def test_a_mechanism_in_space_with_rounded_coordinates(digits: int, integrator: 
     assert sim.evaluations <= 1.01 * exact.evaluations
 
 
-def test_rows_that_bind_velocities_stay_as_they_are() -> None:
-    """A nut on a thread beside the mechanism has such a row."""
+def bricard_and_nut() -> dict[str, Any]:
+    """A nut on a thread, whose row binds velocities, beside a mechanism of rounded lengths."""
     scene = bricard(9)
     mechanism = scene['mechanism']
     mechanism['points'] |= {'N': {'at': [3.0, 0.0, 0.0]}}
@@ -120,6 +120,11 @@ def test_rows_that_bind_velocities_stay_as_they_are() -> None:
             'pitch': 0.5,
         }
     }
+    return scene
+
+
+def test_rows_that_bind_velocities_stay_as_they_are() -> None:
+    scene = bricard_and_nut()
     sim = Simulation(load_scene(scene), step=1e-2)
     alone = Simulation(load_scene(bricard(9)), step=1e-2)
     assert sim.adjustment is not None and alone.adjustment is not None
@@ -134,7 +139,7 @@ def test_rows_that_bind_velocities_stay_as_they_are() -> None:
 @pytest.mark.parametrize('metre', [2.0**10, 2.0**-10])
 def test_lengths_in_other_units_are_adjusted_alike(metre: float) -> None:
     """In millimetres they were refused, as if they contradicted each other."""
-    scene = load_scene(bricard(9))
+    scene = load_scene(bricard_and_nut())
     own = Simulation(scene, step=1e-2).adjustment
     other = Simulation(in_units(scene, Units(metre, 1.0, 1.0)), step=1e-2).adjustment
     assert own is not None and other is not None
