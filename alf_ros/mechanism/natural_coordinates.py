@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -117,7 +116,13 @@ class Layout:
         if self.asked.length is not None:
             return self.asked.length
         places = np.array([point.at for point in self.mechanism.points])
-        return columns.extent(places) or _own_length(self.mechanism) or 1.0
+        return columns.extent(places) or self._radius or 1.0
+
+    @property
+    def _radius(self) -> float:
+        """The largest radius of a wheel, m; 0 without any."""
+        joints = (joint for joint in self.mechanism.joints if not joint.angles)
+        return columns.largest(abs(r) for joint in joints for r in (joint.value, joint.of_parent))
 
     @property
     def form(self) -> RowForm:
@@ -202,27 +207,6 @@ def carrier(end: int, is_point: bool, dimension: int) -> Form:
     """A direction that carries bodies, in their own blocks: to a point, or a vector."""
     d = affine.of_block(end, dimension)
     return d - affine.of_block(0, dimension) if is_point else d
-
-
-def _own_length(mechanism: Mechanism) -> Any:
-    """A length of a mechanism whose points are all at one place, m: the largest radius of a wheel,
-    distance of a centre of mass or radius of gyration. 0 without any."""
-    lengths = [_gyration(body) for body in mechanism.bodies]
-    lengths += [columns.norm(columns.array(body.com)) for body in mechanism.bodies]
-    for joint in mechanism.joints:
-        if not joint.angles:
-            lengths += [abs(joint.value), abs(joint.of_parent)]
-    return columns.largest(lengths)
-
-
-def _gyration(body: Body) -> Any:
-    """Radius of gyration, m; in space by the mean moment of inertia."""
-    if not body.mass:
-        return 0.0
-    moment: Any = body.inertia
-    if isinstance(moment, tuple):
-        moment = sum(row[n] for n, row in enumerate(moment)) / 3.0
-    return columns.each(math.sqrt, moment / body.mass)
 
 
 @remembered(1024)

@@ -362,8 +362,8 @@ def test_a_door_on_two_fixed_points() -> None:
 
 
 def test_fixed_points_at_the_wrong_distance() -> None:
-    """½ (2² - 1.9²) / 2 m"""
+    """½ (2² - 1.9²) / 1.9 m"""
     text = DOOR.replace('[Low, High, Edge], mass', '[Low, High], length: 1.9, mass')
     text = text.replace('    Edge: {at: [0.9, 0, 1]}\n', '')
-    with pytest.raises(AssemblyError, match='door_length is off by 0.0975 m'):
+    with pytest.raises(AssemblyError, match='door_length is off by 0.103 m'):
         Simulation(scene_from_text(text))

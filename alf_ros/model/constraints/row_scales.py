@@ -59,51 +59,41 @@ class RowLengths:
 
     @property
     def squared(self) -> Floats:
-        """(..., rows) |Φ_q,r|²."""
-        return self._sums(self._square, self._square, self._entry)
+        """(..., rows) |Φ_q,r|²; 1 of rows that bind fixed blocks only."""
+        return self._sums(self._square, self._square, self._entry, 1.0)
 
     def masses(self, diagonal: Floats, mean: float | Floats, blocks: int) -> Floats:
         """(rows,) Φ_q,r M⁻¹ Φ_q,rᵀ: one over the mass that a row moves, about its lightest block.
 
-        M is replaced by its `diagonal` (movable,), and missing masses by their `mean`, also fixed
-        blocks; of several mechanisms (members, movable) and (members,). blocks: how many there
-        are, fixed ones too.
+        M is replaced by its `diagonal` (movable,), and missing masses by their `mean`, as in rows
+        that bind fixed blocks only; of several mechanisms (members, movable) and (members,).
+        blocks: how many there are, fixed ones too.
         """
         several, rows = diagonal.shape[:-1], self._rows
+        light = np.zeros((*several, blocks))  # 1 / mass of each block; fixed ones do not move
         instead = mean[..., None] if isinstance(mean, np.ndarray) else mean
-        light = np.ones((*several, blocks)) / instead  # 1 / mass of each block
         light[..., : diagonal.shape[-1]] = 1.0 / np.where(diagonal > 0.0, diagonal, instead)
         i, j = self._square * light[..., rows.i], self._square * light[..., rows.j]
-        return self._sums(i, j, self._entry * light[..., rows.block])
+        return self._sums(i, j, self._entry * light[..., rows.block], 1.0 / instead)
 
-    def _sums(self, i: Floats, j: Floats, entries: Floats) -> Floats:
-        """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts; the largest part of a
-        row that binds fixed blocks only, as if one of them moved."""
+    def _sums(self, i: Floats, j: Floats, entries: Floats, otherwise: float | Floats) -> Floats:
+        """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts; otherwise this."""
         rows = self._rows
         both, bars = int(rows.both), rows.i.size
         total = np.zeros((*i.shape[:-1], rows.alpha.size))
         total[..., :bars] = i
         total[..., :both] += j[..., :both]
         of_forms = total[..., bars:]
-        for own, places, moves in self._alike:
+        for own, places in self._alike:
             # in the order of one mechanism, in which the sum of many numbers is rounded
             parts = np.ascontiguousarray(entries[..., places])
-            together = np.add if moves else np.maximum
-            of_forms[..., own] = together.reduce(parts, axis=-1)
-        total[~(total > 0.0)] = 1.0
-        return total
+            of_forms[..., own] = np.add.reduce(parts, axis=-1)
+        return np.where(total > 0.0, total, otherwise)
 
 
 @remembered(64)
-def _of_one_length(first: Indices, movable: Indices) -> list[tuple[Integers, Integers, bool]]:
-    """Rows that have as many movable entries (rows,), these entries (rows, entries), and True; or
-    rows without any, their fixed entries, and False."""
-    start, end, last = (each.astype(np.int64) for each in (first[:-1], movable, first[1:]))
-    moves = end > start
-    count = np.where(moves, end, last) - start
-    groups = (
-        (np.flatnonzero((count == m) & (moves == each)), np.arange(m), each)
-        for m in np.unique(count).tolist()
-        for each in (True, False)
-    )
-    return [(own, start[own, None] + n, each) for own, n, each in groups if own.size and n.size]
+def _of_one_length(first: Indices, movable: Indices) -> list[tuple[Integers, Integers]]:
+    """Rows that have as many movable entries (rows,), and their entries (rows, entries)."""
+    start, count = first[:-1].astype(np.int64), (movable - first[:-1]).astype(np.int64)
+    groups = ((np.flatnonzero(count == m), np.arange(m)) for m in np.unique(count).tolist())
+    return [(own, start[own, None] + entries) for own, entries in groups]
